@@ -1,0 +1,71 @@
+"""Plans grasps of three frictional point contacts on two or three faces, and proves each one.
+
+    from drake_polygrasp import load_object, plan_grasps, save_grasps, verify_file
+
+    box = load_object("models/brick/brick.urdf")
+    plan = plan_grasps(box)
+    best = plan.grasps[0]
+    print(best.grasp.p_BC, best.certificate.epsilon_lower)
+    save_grasps("brick.grasp.yaml", box, plan.grasps, plan.settings)
+    assert verify_file("brick.grasp.yaml").holds
+
+After Prado & Suárez, "Heuristic Grasp Planning with Three Frictional Contacts on Two or Three Faces
+of a Polyhedron". Points, normals and forces are expressed in the object's body frame B; SI units.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from drake_polygrasp.errors import GraspFileError, ModelError, PolygraspError, UsageError
+    from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, GraspObject
+    from drake_polygrasp.grasp_file import GraspFile, load_grasps, save_grasps
+    from drake_polygrasp.object_model import load_object
+    from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
+    from drake_polygrasp.verification import Report, verify_file
+
+__version__ = "0.1.0"
+__all__ = [
+    "Certificate",
+    "CertifiedGrasp",
+    "Explanation",
+    "Grasp",
+    "GraspFile",
+    "GraspFileError",
+    "GraspObject",
+    "GraspPlan",
+    "ModelError",
+    "PolygraspError",
+    "Report",
+    "UsageError",
+    "__version__",
+    "explain_sets",
+    "load_grasps",
+    "load_object",
+    "plan_grasps",
+    "save_grasps",
+    "verify_file",
+]
+
+_HOMES = {
+    "errors": ("GraspFileError", "ModelError", "PolygraspError", "UsageError"),
+    "grasp": ("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
+    "grasp_file": ("GraspFile", "load_grasps", "save_grasps"),
+    "object_model": ("load_object",),
+    "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
+    "verification": ("Report", "verify_file"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    # Loaded when asked for: who only verifies never loads the planner.
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,7 @@
+"""`python -m drake_polygrasp` is `polygrasp`."""
+
+import sys
+
+from drake_polygrasp.cli import main
+
+sys.exit(main())

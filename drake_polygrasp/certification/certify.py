@@ -1,0 +1,133 @@
+"""Proves grasps, and says of those that hold how well they do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_polygrasp.certification import exact
+from drake_polygrasp.certification.convex import (
+    Escape,
+    find_escape,
+    find_internal_forces,
+    least_friction,
+)
+from drake_polygrasp.certification.wrench_space import (
+    epsilon_interval,
+    friction_tolerance,
+    placement_tolerance,
+    squeeze_force,
+    tilt_tolerance,
+)
+from drake_polygrasp.grasp import Array, Certificate, CertifiedGrasp, Grasp, Verdict
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """Whether a grasp is force closure, and what shows it."""
+
+    verdict: Verdict
+    reason: str = ""
+    """Why it does not hold or is undecided, a sentence."""
+    internal_force: Array | None = None
+    """x_12, x_13, x_23 [1/m], shape (3,), where it holds: for `exact.check_force_closure`."""
+    margin: float = 0.0
+    """What `internal_force` attains, in (0, 1] where it holds."""
+    escape: Escape | None = None
+    """How the object leaves, where it does not hold."""
+
+
+def prove(grasp: Grasp) -> Proof:
+    """Prove one grasp force closure, or find how the object escapes."""
+    return prove_many(grasp.p_BC[None], grasp.nhat_TB_B[None], grasp.mu[None])[0]
+
+
+def prove_many(p_BC: Array, nhat_TB_B: Array, mu: Array) -> list[Proof]:
+    """Prove M grasps, or find how the object escapes them.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+
+    Returns:
+        One proof a grasp, in their order. "holds" only where an internal force passes the exact
+        check; "does not hold" where the contacts cannot be proved of (collinear, say) or an
+        escaping twist passes its exact check; else "undecided".
+    """
+    contacts = list(zip(p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist(), strict=True))
+    checks = [exact.check_contacts(*contact) for contact in contacts]
+    sound = np.flatnonzero([check.ok for check in checks])
+    forces = dict(
+        zip(
+            sound.tolist(),
+            find_internal_forces(p_BC[sound], nhat_TB_B[sound], mu[sound]),
+            strict=True,
+        )
+    )
+    return [
+        _judge(p_BC[k], nhat_TB_B[k], mu[k], forces[k])
+        if k in forces
+        else Proof(Verdict.FAILS, checks[k].reason)
+        for k in range(len(contacts))
+    ]
+
+
+def _judge(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> Proof:
+    numbers = p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist(), x.tolist()
+    check = exact.check_force_closure(*numbers)
+    if check.ok:
+        margin = exact.attained_margin(*numbers)
+        return Proof(Verdict.HOLDS, internal_force=x, margin=margin)
+    escape = find_escape(p_BC, nhat_TB_B, mu)
+    if escape is None:
+        found = check.reason if np.isfinite(x).all() else "no internal force is found"
+        return Proof(Verdict.UNDECIDED, f"too close to call: {found}, nor an escape")
+    if escape.hinge is None:
+        return Proof(Verdict.FAILS, "the object can leave along a twist", escape=escape)
+    i, j = (k + 1 for k in escape.hinge)
+    reason = f"the object can turn about the line from contact {i} to contact {j}"
+    return Proof(Verdict.FAILS, reason, escape=escape)
+
+
+def certify(
+    grasp: Grasp,
+    *,
+    mass: float | None,
+    p_BBcm: Array,
+    rho: float,
+    edge_distance: float | None = None,
+) -> CertifiedGrasp | Proof:
+    """Prove a grasp and measure how much more than nothing it withstands.
+
+    Args:
+        grasp: three contacts.
+        mass: of the object [kg]; None where it is not known.
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        edge_distance: least distance from a contact to an edge of its face [m], which the
+            placement tolerance does not exceed; None where no face is known.
+
+    Returns:
+        The grasp with its certificate if it holds, else the proof that says why not.
+    """
+    proof = prove(grasp)
+    if proof.internal_force is None:
+        return proof
+    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
+    mu_min, mu_min_internal_force = least_friction(*contacts, proof.internal_force)
+    epsilon = epsilon_interval(*contacts, p_BBcm, rho)
+    certificate = Certificate(
+        internal_force=proof.internal_force,
+        margin=proof.margin,
+        mu_min=mu_min,
+        mu_min_internal_force=mu_min_internal_force,
+        epsilon_lower=epsilon.lower,
+        epsilon_upper=epsilon.upper,
+        placement_tolerance=placement_tolerance(epsilon.lower, grasp.mu, rho, edge_distance),
+        tilt_tolerance=tilt_tolerance(epsilon.lower, grasp.p_BC, grasp.mu, p_BBcm, rho),
+        friction_tolerance=friction_tolerance(epsilon.lower, grasp.p_BC, grasp.mu, p_BBcm, rho),
+        squeeze_force=None if mass is None else squeeze_force(*contacts, p_BBcm, rho, mass),
+    )
+    return CertifiedGrasp(grasp, certificate)

@@ -1,0 +1,137 @@
+"""Whether the numbers of a grasp bear out what its file claims of them; no model is needed.
+
+Faults are sentences: there are none where the claims are true. A claim is refused when it flatters
+the grasp, not when it is modest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from drake_polygrasp.certification import exact
+from drake_polygrasp.certification.convex import find_internal_forces, friction_at
+from drake_polygrasp.certification.wrench_space import (
+    GRAVITY,
+    RELATIVE_GAP,
+    epsilon_interval,
+    friction_tolerance,
+    placement_tolerance,
+    squeeze_interval,
+    tilt_tolerance,
+)
+from drake_polygrasp.grasp_file import StatedGrasp, StatedObject
+from drake_polygrasp.wrench import edge_forces
+
+FORCE_TOLERANCE = 1e-9
+"""Ours: of forces that add up to 1; printed doubles are good to 1e-15."""
+ROUNDING = 1e-9
+"""Ours, relative: what the order of additions changes in a closed form."""
+QHULL_ROUNDING = 1e-6
+"""Ours, relative: what the rounding of hulls changes in a bound."""
+FINE_GAP = 0.002
+"""Ours: where the usual bounds do not bear a number out, bounds ten times closer may: rounding
+decides which of several equal facets is refined first, and it differs between machines."""
+PLANE_TOLERANCE = 1e-5
+"""Ours, times rho: how far contacts may be off their grasp plane; faces are flat to 1e-6 L."""
+
+
+def force_faults(stated: StatedGrasp) -> Iterator[str]:
+    """Why the internal force is no proof of force closure, or not the one that is spelt out."""
+    grasp, x = stated.grasp, stated.certificate.internal_force
+    check = exact.check_force_closure(*_contacts(stated), x.tolist())
+    if not check.ok:
+        yield check.reason
+    f_Bc_B = edge_forces(grasp.p_BC[None], x[None])[0]
+    if not (np.abs(stated.f_Bc_B - f_Bc_B) <= FORCE_TOLERANCE).all():
+        yield "f_Bc_B is not what internal_force makes it"
+    if not abs((grasp.nhat_TB_B * f_Bc_B).sum() - 1) <= FORCE_TOLERANCE:
+        yield "the normal forces do not add up to 1"
+
+
+def number_faults(stated: StatedGrasp, object_: StatedObject, clearance: float | None) -> list[str]:
+    """Which numbers flatter the grasp.
+
+    Args:
+        stated: a grasp that its internal force proves.
+        object_: whose mass, centre of mass and rho count.
+        clearance: least distance from a contact to an edge of its face [m], which bounds the
+            placement tolerance; None where no face is known.
+    """
+    faults: list[str] = []
+    for relative_gap in (RELATIVE_GAP, FINE_GAP):
+        faults = list(_number_faults(stated, object_, clearance, relative_gap))
+        if not faults:
+            break
+    return faults
+
+
+def _number_faults(
+    stated: StatedGrasp, object_: StatedObject, clearance: float | None, relative_gap: float
+) -> Iterator[str]:
+    grasp, claim = stated.grasp, stated.certificate
+    p_BC, mu, p_BBcm, rho = grasp.p_BC, grasp.mu, object_.p_BBcm, object_.rho
+    if not _holds_plane(stated, PLANE_TOLERANCE * rho):
+        yield "the contacts are not in the grasp plane"
+    if claim.mu_min is not None and not _proves_mu_min(stated, claim.mu_min):
+        yield f"mu_min is {claim.mu_min:.6g}, which no internal force proves"
+    margin = exact.attained_margin(*_contacts(stated), claim.internal_force.tolist())
+    yield from _excess("margin", claim.margin, margin, ROUNDING)
+    epsilon = epsilon_interval(p_BC, grasp.nhat_TB_B, mu, p_BBcm, rho, relative_gap=relative_gap)
+    lower = epsilon.lower
+    yield from _excess("epsilon_lower", claim.epsilon_lower, lower, QHULL_ROUNDING)
+    # Wherever it was computed, an upper bound is within RELATIVE_GAP of epsilon.
+    yield from _excess("epsilon_upper", claim.epsilon_upper, epsilon.upper, 1.01 * RELATIVE_GAP)
+    yield from _lack("epsilon_upper", claim.epsilon_upper, lower, QHULL_ROUNDING)
+    placement = placement_tolerance(lower, mu, rho, clearance)
+    yield from _excess("placement_tolerance", claim.placement_tolerance, placement, QHULL_ROUNDING)
+    tilt = tilt_tolerance(lower, p_BC, mu, p_BBcm, rho)
+    yield from _excess("tilt_tolerance", claim.tilt_tolerance, tilt, QHULL_ROUNDING)
+    friction = friction_tolerance(lower, p_BC, mu, p_BBcm, rho)
+    yield from _excess("friction_tolerance", claim.friction_tolerance, friction, QHULL_ROUNDING)
+    if claim.squeeze_force is not None:
+        squeeze = _squeeze_force(stated, object_, relative_gap)
+        yield from _lack("squeeze_force", claim.squeeze_force, squeeze, QHULL_ROUNDING)
+
+
+def _excess(name: str, value: float | None, limit: float, rounding: float) -> Iterator[str]:
+    if value is not None and not value <= limit * (1 + rounding):
+        yield f"{name} is {value:.6g}, more than the {limit:.6g} recomputed"
+
+
+def _lack(name: str, value: float | None, limit: float, rounding: float) -> Iterator[str]:
+    if value is not None and not value >= limit * (1 - rounding):
+        yield f"{name} is {value:.6g}, less than the {limit:.6g} recomputed"
+
+
+def _contacts(stated: StatedGrasp) -> tuple[list[list[float]], list[list[float]], list[float]]:
+    grasp = stated.grasp
+    return grasp.p_BC.tolist(), grasp.nhat_TB_B.tolist(), grasp.mu.tolist()
+
+
+def _holds_plane(stated: StatedGrasp, tolerance: float) -> bool:
+    """Whether the contacts lie in the grasp plane."""
+    plane = stated.grasp.grasp_plane
+    height = (stated.grasp.p_BC - plane.p_BP) @ plane.nhat_B
+    unit = abs(plane.nhat_B @ plane.nhat_B - 1) <= ROUNDING
+    return bool(unit and (np.abs(height) <= tolerance).all())
+
+
+def _squeeze_force(stated: StatedGrasp, object_: StatedObject, relative_gap: float) -> float:
+    """What the weight needs in every orientation [N]; infinite for a mass that is not known."""
+    grasp = stated.grasp
+    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
+    r_w = squeeze_interval(*contacts, object_.p_BBcm, object_.rho, relative_gap=relative_gap).lower
+    return object_.mass * GRAVITY / r_w if object_.mass is not None and r_w > 0 else math.inf
+
+
+def _proves_mu_min(stated: StatedGrasp, mu_min: float) -> bool:
+    """Whether the witness, the file's or else one of our own, holds with so little friction."""
+    grasp, witness = stated.grasp, stated.certificate.mu_min_internal_force
+    mu = friction_at(grasp.mu, mu_min)
+    if witness is None:
+        witness = find_internal_forces(grasp.p_BC[None], grasp.nhat_TB_B[None], mu[None])[0]
+    p_BC, nhat_TB_B, _ = _contacts(stated)
+    return exact.check_force_closure(p_BC, nhat_TB_B, mu.tolist(), witness.tolist()).ok

@@ -1,0 +1,17 @@
+"""The errors this package raises: each message names the file, what is wrong and what mends it."""
+
+
+class PolygraspError(Exception):
+    """Base class of every error that is the input's fault and not the program's."""
+
+
+class ModelError(PolygraspError):
+    """A model, or a mesh it names, cannot be loaded or is no object to grasp."""
+
+
+class GraspFileError(PolygraspError):
+    """A grasp file cannot be read, or breaks the format."""
+
+
+class UsageError(PolygraspError):
+    """A parameter is outside what it may be."""

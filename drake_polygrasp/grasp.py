@@ -1,0 +1,138 @@
+"""The central nouns: an object to grasp, a grasp of it, and what is proved of that grasp.
+
+All are immutable values. Everything geometric is expressed in the body frame B, in SI units.
+Frames and names follow Drake's monogram notation: `p_BC` is the position of contact C measured
+from B's origin, `nhat_TB_B` the unit normal that points from the fingertip T into the body B (the
+paper's inward n_i), `f_Bc_B` the force on body B at contact c.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from drake_polygrasp.polyhedron import Polyhedron
+
+Array = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+Kind = Literal["three_faces", "three_parallel_faces", "two_faces"]
+
+
+def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
+    """A read-only copy of `values`; -0.0 becomes 0.0, so that equal values print alike."""
+    array = np.array(values, dtype=dtype)
+    if np.issubdtype(array.dtype, np.floating):
+        array += 0.0
+    array.flags.writeable = False
+    return array
+
+
+class Verdict(StrEnum):
+    """The exact certificate's answer; undecided is never "holds"."""
+
+    HOLDS = "holds"
+    FAILS = "does not hold"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class ModelSource:
+    """Where an object came from."""
+
+    model_file: Path | str
+    """The file given to Drake's Parser: an absolute path, or a package:// URI as it was given."""
+    sha256: str
+    """Hex digest over the digests of the model file, its included files and collision meshes."""
+    model_name: str
+    body_name: str
+
+
+@dataclass(frozen=True, eq=False)
+class GraspObject:
+    """A rigid body as the planner and the certificate see it, in its body frame B."""
+
+    polyhedron: Polyhedron
+    """Its exposed surface; friction belongs to the faces."""
+    mass: float | None
+    """[kg]; None when the model states none."""
+    p_BBcm: Array
+    """Centre of mass [m], shape (3,); the volume's centroid when the model states none."""
+    rho: float
+    """Greatest distance from the centre of mass to the surface [m]."""
+    source: ModelSource | None = None
+    warnings: tuple[str, ...] = ()
+    """What was assumed or changed on loading, one sentence each."""
+
+
+@dataclass(frozen=True, eq=False)
+class GraspPlane:
+    """The paper's plane Pi_p, which holds the three contacts."""
+
+    nhat_B: Array
+    """Unit normal, shape (3,)."""
+    p_BP: Array
+    """A point of the plane [m], shape (3,)."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """The paper's quality of a set of faces (eq. 5-10)."""
+
+    scale: Literal["paper", "object"]
+    """What distances and areas are divided by: maxima over all valid sets, or rho."""
+    Q: float
+    q: tuple[float, float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Grasp:
+    """Three frictional point contacts; how they were found is not part of it."""
+
+    p_BC: Array
+    """Contact points on the exposed surface [m], shape (3, 3), one row a contact."""
+    nhat_TB_B: Array
+    """Inward unit normals, shape (3, 3)."""
+    mu: Array
+    """Friction coefficient of each contact's pair, shape (3,)."""
+    kind: Kind
+    faces: tuple[int, int, int]
+    """Index of each contact's face in the polyhedron."""
+    grasp_plane: GraspPlane
+    quality: Quality | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What is proved of a grasp; every number can be recomputed from the grasp file alone."""
+
+    internal_force: Array
+    """x_12, x_13, x_23 [1/m], shape (3,): the proof of force closure."""
+    margin: float
+    """In (0, 1]: attained by `internal_force`."""
+    mu_min: float
+    mu_min_internal_force: Array
+    epsilon_lower: float
+    epsilon_upper: float
+    placement_tolerance: float
+    """[m]: all three contacts may move at once by less than this along their faces."""
+    tilt_tolerance: float
+    """[rad]: all three normals may tilt at once by less than this."""
+    friction_tolerance: float
+    """All three friction coefficients may drop at once by less than this."""
+    squeeze_force: float | None = field(default=None)
+    """[N] of total normal force that holds the weight in every orientation."""
+
+
+@dataclass(frozen=True, eq=False)
+class CertifiedGrasp:
+    """A grasp that holds, and its proof."""
+
+    grasp: Grasp
+    certificate: Certificate

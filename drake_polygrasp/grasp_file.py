@@ -1,0 +1,285 @@
+"""The grasp file: one YAML document per object, written by the planner and read by anyone.
+
+Drake's typed YAML reads it too, but is not what writes it: it would leave `mass: null` out. Unknown
+keys are allowed, so that the format may grow.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import yaml
+
+from drake_polygrasp import __version__
+from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.grasp import (
+    Array,
+    CertifiedGrasp,
+    Grasp,
+    GraspObject,
+    GraspPlane,
+    Kind,
+    ModelSource,
+    Quality,
+    frozen,
+)
+from drake_polygrasp.plain_yaml import Block, read_mapping
+from drake_polygrasp.wrench import edge_forces
+
+FORMAT = "drake_polygrasp/grasps"
+VERSION = 1
+
+
+@dataclass(frozen=True, eq=False)
+class StatedObject:
+    """The object as the file states it; see `GraspObject` for units and frames."""
+
+    model_file: str
+    """Relative to the grasp file's folder, or a package:// URI."""
+    sha256: str
+    model_name: str
+    body_name: str
+    mass: float | None
+    p_BBcm: Array
+    rho: float
+    num_faces: int
+
+
+@dataclass(frozen=True, eq=False)
+class StatedCertificate:
+    """What the file claims of a grasp, None where it is silent; see `Certificate`."""
+
+    internal_force: Array
+    margin: float | None = None
+    mu_min: float | None = None
+    mu_min_internal_force: Array | None = None
+    epsilon_lower: float | None = None
+    epsilon_upper: float | None = None
+    placement_tolerance: float | None = None
+    squeeze_force: float | None = None
+    tilt_tolerance: float | None = None
+    friction_tolerance: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StatedGrasp:
+    """A grasp and what the file claims of it: nothing here is proved by being read."""
+
+    grasp: Grasp
+    f_Bc_B: Array
+    """The internal force on B at each contact, shape (3, 3); normal forces add up to 1."""
+    certificate: StatedCertificate
+
+
+@dataclass(frozen=True, eq=False)
+class GraspFile:
+    """A grasp file's content, grasps best first."""
+
+    path: Path
+    object_: StatedObject
+    grasps: tuple[StatedGrasp, ...]
+    plan: Mapping[str, Any] = field(default_factory=dict)
+    """What it takes to repeat the plan."""
+    generator: Mapping[str, Any] = field(default_factory=dict)
+    """The versions that wrote the file."""
+
+
+def save_grasps(
+    path: Path | str,
+    object_: GraspObject,
+    grasps: Iterable[CertifiedGrasp],
+    plan_settings: Mapping[str, Any],
+) -> None:
+    """Writes a grasp file, whole or not at all: the same arguments give the same bytes.
+
+    Raises:
+        GraspFileError: when `object_` came from no file, or `path` cannot be written.
+    """
+    path = Path(path)
+    if object_.source is None:
+        raise GraspFileError(f"{path}: a grasp file names its model, and this object has none")
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "generator": {"drake_polygrasp": __version__, "drake": metadata.version("drake")},
+        "object": _object_document(object_, object_.source, path.parent),
+        "plan": _plain(plan_settings),
+        "grasps": [grasp_document(grasp) for grasp in grasps],
+    }
+    text = yaml.safe_dump(
+        document, sort_keys=False, default_flow_style=None, allow_unicode=True, width=10**6
+    )
+    _write_whole(path, text)
+
+
+def grasp_document(certified: CertifiedGrasp) -> dict[str, Any]:
+    """One grasp as it stands in the file: plain lists, numbers and strings."""
+    grasp, certificate = certified.grasp, certified.certificate
+    f_Bc_B = edge_forces(grasp.p_BC[None], certificate.internal_force[None])[0]
+    document: dict[str, Any] = {
+        "kind": grasp.kind,
+        "faces": grasp.faces,
+        "contacts": [
+            {"p_BC": p_BC, "nhat_TB_B": nhat_TB_B, "mu": mu, "f_Bc_B": frozen(f_B)}
+            for p_BC, nhat_TB_B, mu, f_B in zip(
+                grasp.p_BC, grasp.nhat_TB_B, grasp.mu, f_Bc_B, strict=True
+            )
+        ],
+        "grasp_plane": {"nhat_B": grasp.grasp_plane.nhat_B, "p_BP": grasp.grasp_plane.p_BP},
+    }
+    if grasp.quality is not None:
+        quality = grasp.quality
+        document["quality"] = {"scale": quality.scale, "Q": quality.Q, "q": quality.q}
+    stated = {name: getattr(certificate, name) for name in _CERTIFICATE_KEYS}
+    document["certificate"] = {name: value for name, value in stated.items() if value is not None}
+    plain: dict[str, Any] = _plain(document)
+    return plain
+
+
+def load_grasps(path: Path | str) -> GraspFile:
+    """Reads a grasp file and checks its form: keys, lengths, types, finite numbers, signs.
+
+    Whether what it claims is true is not asked here: see `drake_polygrasp.verification`.
+
+    Raises:
+        GraspFileError: naming the file, the place in it and what is wrong there.
+    """
+    path = Path(path)
+    root = read_mapping(path)
+    if (format_ := root.text("format")) != FORMAT:
+        raise GraspFileError(f"{path}: format is {format_!r}, not {FORMAT!r}: no grasp file")
+    if (version := root.integer("version")) != VERSION:
+        raise GraspFileError(
+            f"{path}: version is {version}; this drake_polygrasp reads version {VERSION}"
+        )
+    return GraspFile(
+        path=path,
+        object_=_read_object(root.block("object")),
+        grasps=tuple(_read_grasp(block) for block in root.blocks("grasps")),
+        plan=_read_plan(root.block("plan")) if "plan" in root.data else {},
+        generator=root.block("generator").data,
+    )
+
+
+_CERTIFICATE_KEYS = tuple(StatedCertificate.__dataclass_fields__)
+
+
+def _object_document(object_: GraspObject, source: ModelSource, folder: Path) -> dict[str, Any]:
+    model_file = str(source.model_file)
+    if not model_file.startswith("package://"):
+        # Only folders are resolved: a model that is a link keeps its name.
+        model = Path(model_file)
+        absolute = model.parent.resolve() / model.name
+        model_file = Path(os.path.relpath(absolute, folder.resolve())).as_posix()
+    document: dict[str, Any] = _plain(
+        {
+            "model_file": model_file,
+            "sha256": source.sha256,
+            "model_name": source.model_name,
+            "body_name": source.body_name,
+            "mass": object_.mass,
+            "p_BBcm": object_.p_BBcm,
+            "rho": object_.rho,
+            "num_faces": len(object_.polyhedron.faces),
+        }
+    )
+    return document
+
+
+def _plain(value: Any) -> Any:
+    """`value` with NumPy's types and tuples replaced by Python's floats and lists."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _write_whole(path: Path, text: str) -> None:
+    if path.exists() and not path.is_file():
+        raise GraspFileError(f"{path}: cannot be written: it is not a regular file")
+    scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        scratch.write_text(text, encoding="utf-8")
+        scratch.replace(path)
+    except OSError as error:
+        raise GraspFileError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+def _read_plan(block: Block) -> dict[str, Any]:
+    """Settings of any kind, but for friction that was asked for: it stands in for the model's."""
+    if "mu" in block.data:
+        block.number("mu", "positive")
+    return block.data
+
+
+def _read_object(block: Block) -> StatedObject:
+    sha256 = block.text("sha256")
+    if not re.fullmatch("[0-9a-f]{64}", sha256):
+        raise block.refuse("sha256", "64 hexadecimal digits")
+    return StatedObject(
+        model_file=block.text("model_file"),
+        sha256=sha256,
+        model_name=block.text("model_name"),
+        body_name=block.text("body_name"),
+        mass=None if block.get("mass") is None else block.number("mass", "positive"),
+        p_BBcm=block.vector("p_BBcm"),
+        rho=block.number("rho", "positive"),
+        num_faces=block.integer("num_faces"),
+    )
+
+
+def _read_grasp(block: Block) -> StatedGrasp:
+    contacts = block.blocks("contacts")
+    if len(contacts) != 3:
+        raise block.refuse("contacts", "a list of three contacts")
+    plane = block.block("grasp_plane")
+    grasp = Grasp(
+        p_BC=frozen([contact.vector("p_BC") for contact in contacts]),
+        nhat_TB_B=frozen([contact.vector("nhat_TB_B") for contact in contacts]),
+        mu=frozen([contact.number("mu", "positive") for contact in contacts]),
+        kind=block.text("kind", get_args(Kind)),
+        faces=_read_faces(block),
+        grasp_plane=GraspPlane(nhat_B=plane.vector("nhat_B"), p_BP=plane.vector("p_BP")),
+        quality=_read_quality(block.block("quality")) if "quality" in block.data else None,
+    )
+    f_Bc_B = frozen([contact.vector("f_Bc_B") for contact in contacts])
+    return StatedGrasp(grasp, f_Bc_B, _read_certificate(block.block("certificate")))
+
+
+def _read_faces(block: Block) -> tuple[int, int, int]:
+    value = block.get("faces")
+    whole = isinstance(value, list) and all(type(item) is int and item >= 0 for item in value)
+    if not whole or len(value) != 3:
+        raise block.refuse("faces", "a list of three indices of faces")
+    return (value[0], value[1], value[2])
+
+
+def _read_quality(block: Block) -> Quality:
+    q1, q2, q3, q4, q5 = block.vector("q", 5).tolist()
+    return Quality(
+        scale=block.text("scale", ("paper", "object")),
+        Q=block.number("Q", "zero or positive"),
+        q=(q1, q2, q3, q4, q5),
+    )
+
+
+def _read_certificate(block: Block) -> StatedCertificate:
+    stated: dict[str, Any] = {"internal_force": block.vector("internal_force")}
+    for key in _CERTIFICATE_KEYS:
+        if key == "mu_min_internal_force" and key in block.data:
+            stated[key] = block.vector(key)
+        elif key != "internal_force" and key in block.data:
+            stated[key] = block.number(key, "zero or positive")
+    return StatedCertificate(**stated)

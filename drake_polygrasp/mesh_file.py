@@ -1,0 +1,137 @@
+"""What must be true of a mesh file before Drake may read it.
+
+Drake trusts its mesh files: an index out of range or a file without faces ends the process, and a
+coordinate that is no number silently becomes 0.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_polygrasp.errors import ModelError
+from drake_polygrasp.grasp import Array, Ints
+
+_MIN_COUNT = 4
+"""Of vertices and of an OBJ's triangles: fewer enclose nothing."""
+_OBJ_JOINED_LINES_AND_COMMENTS = re.compile(rb"\\\r?\n|#[^\r\n]*")
+_OBJ_RECORDS = re.compile(rb"^[ \t]*([vf])[ \t]([^\r\n]*)", re.MULTILINE)
+_OBJ_TEXTURE_AND_NORMAL = re.compile(rb"/\S*")
+
+
+def check_mesh_file(mesh_file: Path) -> None:
+    """Raise ModelError unless Drake can safely read the collision mesh, an OBJ or a VTK file."""
+    suffix = mesh_file.suffix.lower()
+    if suffix not in (".obj", ".vtk"):
+        raise ModelError(
+            f"{mesh_file}: Drake offers no triangles of '{suffix}' collision meshes; "
+            "convert it to .obj or .vtk"
+        )
+    try:
+        content = mesh_file.read_bytes()
+    except FileNotFoundError as error:
+        raise ModelError(f"{mesh_file}: there is no such mesh file; mend the path") from error
+    except OSError as error:
+        raise ModelError(f"{mesh_file}: cannot be read: {error.strerror}") from error
+    try:
+        (_check_obj if suffix == ".obj" else _check_vtk)(content)
+    except ValueError as error:
+        raise ModelError(f"{mesh_file}: {error}; export the mesh again") from error
+
+
+def _check_obj(content: bytes) -> None:
+    records = _OBJ_RECORDS.findall(_OBJ_JOINED_LINES_AND_COMMENTS.sub(b" ", content))
+    coordinates = [line.split()[:3] for kind, line in records if kind == b"v"]
+    if any(len(row) < 3 for row in coordinates):
+        raise ValueError("a vertex has fewer than three coordinates")
+    _check_vertices(_floats([x for row in coordinates for x in row]).reshape(-1, 3))
+    faces = [
+        _OBJ_TEXTURE_AND_NORMAL.sub(b"", line).split() for kind, line in records if kind == b"f"
+    ]
+    sizes = np.array([len(face) for face in faces], dtype=np.int64)
+    if (sizes < 3).any():
+        raise ValueError("a face has fewer than three corners")
+    if (sizes - 2).sum() < _MIN_COUNT:
+        raise ValueError(f"a solid needs at least {_MIN_COUNT} triangles, it has {sum(sizes - 2)}")
+    corners = _integers([corner for face in faces for corner in face])
+    kinds = np.array([kind == b"v" for kind, _ in records])
+    # A negative index counts back from the last vertex before its face.
+    known = np.repeat(np.cumsum(kinds)[~kinds], sizes)
+    wrong = (corners == 0) | (corners > len(coordinates)) | (corners < -known)
+    if wrong.any():
+        raise ValueError(f"a face names vertex {corners[np.argmax(wrong)]} of {len(coordinates)}")
+
+
+def _check_vtk(content: bytes) -> None:
+    """Of a legacy ASCII file; Drake reads binary ones itself and refuses all but tetrahedra."""
+    words = content.split()
+    if b"BINARY" in words[:64]:
+        return
+    start, (count,) = _section(words, b"POINTS", 1)
+    start += 1  # The data type's name.
+    coordinates = _floats(words[start : start + 3 * count])
+    if len(coordinates) < 3 * count:
+        raise ValueError(f"it announces {count} points and has fewer")
+    _check_vertices(coordinates.reshape(-1, 3))
+    start, (num_cells, size) = _section(words, b"CELLS", 2)
+    if not num_cells:
+        raise ValueError("it has no cells")
+    if b"CONNECTIVITY" in words:
+        start = words.index(b"CONNECTIVITY") + 2
+        corners = _integers(words[start : start + size])
+    else:
+        corners = _integers(words[start : start + size])
+        sizes = np.arange(len(corners)) % 5 == 0
+        if len(corners) != 5 * num_cells or (corners[sizes] != 4).any():
+            raise ValueError("its cells are not all tetrahedra")
+        corners = corners[~sizes]
+    if ((corners < 0) | (corners >= count)).any():
+        raise ValueError(f"a cell names a point outside 0 to {count - 1}")
+
+
+def _section(words: list[bytes], keyword: bytes, num_sizes: int) -> tuple[int, Ints]:
+    """Where the numbers after a keyword and its sizes begin, and the sizes."""
+    try:
+        start = words.index(keyword) + 1
+    except ValueError:
+        raise ValueError(f"it has no {keyword.decode()}") from None
+    sizes = _integers(words[start : start + num_sizes])
+    if len(sizes) < num_sizes or (sizes < 0).any():
+        raise ValueError(f"the sizes after {keyword.decode()} are no sizes")
+    return start + num_sizes, sizes
+
+
+def _floats(words: list[bytes]) -> Array:
+    return np.asarray(_numbers(words, np.float64))
+
+
+def _integers(words: list[bytes]) -> Ints:
+    return np.asarray(_numbers(words, np.int64))
+
+
+def _numbers(words: list[bytes], dtype: type) -> npt.NDArray[Any]:
+    try:
+        return np.array(words, dtype=bytes).astype(dtype) if words else np.empty(0, dtype)
+    except (ValueError, OverflowError):
+        wrong = next(word for word in words if not _is_number(word, dtype))
+        raise ValueError(f"'{wrong[:40].decode(errors='replace')}' is no number") from None
+
+
+def _is_number(word: bytes, dtype: type) -> bool:
+    try:
+        np.array([word]).astype(dtype)
+    except (ValueError, OverflowError):
+        return False
+    return True
+
+
+def _check_vertices(vertices: Array) -> None:
+    if len(vertices) < _MIN_COUNT:
+        raise ValueError(f"a solid needs at least {_MIN_COUNT} vertices, it has {len(vertices)}")
+    wrong = ~np.isfinite(vertices).all(axis=1)
+    if wrong.any():
+        raise ValueError(f"vertex {np.argmax(wrong) + 1} is not finite")

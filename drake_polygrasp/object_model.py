@@ -1,0 +1,252 @@
+"""From a model file, or a body in a plant, to the object to grasp.
+
+Drake reads the files; what it assumes silently where they say nothing is looked up in them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import (
+    AddRigidHydroelasticProperties,
+    Box,
+    Convex,
+    GeometryId,
+    GeometryInstance,
+    Mesh,
+    ProximityProperties,
+    SceneGraph,
+    SceneGraphInspector,
+    Shape,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import PackageMap, Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, RigidBody
+
+from drake_polygrasp.errors import ModelError, PolygraspError, UsageError
+from drake_polygrasp.grasp import Array, GraspObject, ModelSource, frozen
+from drake_polygrasp.mesh_file import check_mesh_file
+from drake_polygrasp.model_source import (
+    Statements,
+    find_packages,
+    is_uri,
+    locate,
+    model_digest,
+    read_model_files,
+    read_statements,
+)
+from drake_polygrasp.polyhedron import Polyhedron, surface_vertices, volume_centroid
+from drake_polygrasp.surface import Part, build_polyhedron
+
+__all__ = ["DEFAULT_MU", "load_object", "model_digest"]
+
+DEFAULT_MU = 0.3
+"""The paper's own coefficient, for models that state none."""
+
+
+def load_object(
+    model_file: str | Path,
+    *,
+    body_name: str | None = None,
+    mu: float | None = None,
+    package_paths: Sequence[str | Path] = (),
+) -> GraspObject:
+    """Load the body to grasp from a file that Drake's Parser reads.
+
+    `model_file` is a path or a package:// URI. Packages are searched below `package_paths` and
+    in the folders above the model file. `body_name` may be left out when just one body has
+    collision geometry; `model::body` tells bodies of one name apart. `mu` replaces the friction
+    of the model, which is else the lesser of each geometry's static and dynamic coefficients:
+    in discrete time Drake's bodies slide at the dynamic one.
+
+    Raises ModelError when a file is missing or malformed, the body cannot be told, or its
+    collision geometry is no polyhedron; UsageError when `mu` is not above 0.
+    """
+    if mu is not None and not (np.isfinite(mu) and mu > 0):
+        raise UsageError(f"the friction given for {model_file} is {mu}; it must be above 0")
+    packages = find_packages(model_file, package_paths)
+    files = read_model_files(locate(model_file, packages), packages)
+    for mesh in files.meshes:
+        check_mesh_file(mesh)
+    with _drake_warnings() as warnings, _blaming(files.model_file):
+        plant, scene_graph = _parse(files.model_file, packages)
+    body = _choose_body(plant, body_name, files.model_file)
+    statements = read_statements(files, body.name())
+    where = f"{files.model_file}: body '{body.name()}'"
+    inspector = scene_graph.model_inspector()
+    geometries = plant.GetCollisionGeometriesForBody(body)
+    if mu is None:
+        friction, assumed = _friction(inspector, geometries, statements, where)
+        warnings += assumed
+    else:
+        friction = [mu] * len(geometries)
+    polyhedron = _polyhedron(inspector, geometries, friction, where)
+    if not polyhedron.watertight:
+        warnings.append(f"{where}: its surface is not closed; what lies inside is a guess")
+    mass, p_BBcm = _mass(plant, body) if statements.mass else (None, volume_centroid(polyhedron))
+    if mass is None:
+        warnings.append(f"{where} states no mass; its centre is taken to be that of the volume")
+    return GraspObject(
+        polyhedron=polyhedron,
+        mass=mass,
+        p_BBcm=frozen(p_BBcm),
+        rho=float(np.linalg.norm(surface_vertices(polyhedron) - p_BBcm, axis=1).max()),
+        source=ModelSource(
+            model_file=model_file if is_uri(model_file) else files.model_file.absolute(),
+            sha256=files.sha256,
+            model_name=plant.GetModelInstanceName(body.model_instance()),
+            body_name=body.name(),
+        ),
+        warnings=tuple(dict.fromkeys(warnings)),
+    )
+
+
+@contextmanager
+def _blaming(where: Path | str) -> Iterator[None]:
+    """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors."""
+    try:
+        yield
+    except PolygraspError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ModelError(f"{where}: Drake cannot load it: {error}") from error
+
+
+@contextmanager
+def _drake_warnings() -> Iterator[list[str]]:
+    """Collects what Drake would log."""
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            messages.append(record.getMessage())
+
+    messages: list[str] = []
+    logger, collector = logging.getLogger("drake"), Collector(logging.WARNING)
+    propagate, logger.propagate = logger.propagate, False
+    logger.addHandler(collector)
+    try:
+        yield messages
+    finally:
+        logger.removeHandler(collector)
+        logger.propagate = propagate
+
+
+def _parse(model_file: Path, packages: PackageMap) -> tuple[MultibodyPlant, SceneGraph]:
+    plant, scene_graph = MultibodyPlant(time_step=0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    parser = Parser(plant, scene_graph)
+    parser.package_map().AddMap(packages)
+    parser.AddModels(str(model_file))
+    plant.Finalize()
+    return plant, scene_graph
+
+
+def _choose_body(plant: MultibodyPlant, name: str | None, model_file: Path) -> RigidBody:
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(1, plant.num_bodies())]
+    if name is not None:
+        named = [body for body in bodies if name in (body.name(), str(body.scoped_name()))]
+        if not named:
+            raise ModelError(f"no body '{name}' in {model_file}; it has {_names(bodies)}")
+        bodies = named
+    solid = [body for body in bodies if plant.GetCollisionGeometriesForBody(body)]
+    if not solid:
+        raise ModelError(
+            f"{model_file}: no collision geometry on {_names(bodies) or 'any body'}; "
+            "a grasp needs what fingers can touch"
+        )
+    if len(solid) > 1:
+        raise ModelError(
+            f"{model_file} has several bodies to grasp: {_names(solid)}; "
+            "name one of them (body_name, --body)"
+        )
+    return solid[0]
+
+
+def _names(bodies: list[RigidBody]) -> str:
+    """Quoted, with the model's name where the body's alone would not tell them apart."""
+    short = [body.name() for body in bodies]
+    unique = len(set(short)) == len(short)
+    return ", ".join(f"'{body.name() if unique else body.scoped_name()}'" for body in bodies)
+
+
+def _friction(
+    inspector: SceneGraphInspector,
+    geometries: list[GeometryId],
+    statements: Statements,
+    where: str,
+) -> tuple[list[float], list[str]]:
+    """The coefficient of each geometry, and what was assumed of it."""
+    friction: list[float] = []
+    warnings: list[str] = []
+    for k, geometry in enumerate(geometries):
+        properties = inspector.GetProximityProperties(geometry)
+        name = inspector.GetName(geometry)
+        stated = properties.HasProperty("material", "coulomb_friction")
+        if stated:
+            pair = properties.GetProperty("material", "coulomb_friction")
+            static, dynamic = pair.static_friction(), pair.dynamic_friction()
+            # Drake's default; only the file can tell whether it was meant.
+            stated = (static, dynamic) != (1, 1) or statements.state_friction(k, len(geometries))
+        if not stated:
+            friction.append(DEFAULT_MU)
+            warnings.append(f"{where} states no friction; {DEFAULT_MU} is assumed")
+            continue
+        friction.append(min(static, dynamic))
+        if static != dynamic:
+            warnings.append(
+                f"{where}: the friction of '{name}' is {static} static, {dynamic} dynamic; "
+                f"{min(static, dynamic)} is used, for Drake's discrete contact slides at the latter"
+            )
+        if not friction[-1] > 0:
+            raise ModelError(f"{where}: the friction of '{name}' must be above 0")
+    return friction, warnings
+
+
+def _polyhedron(
+    inspector: SceneGraphInspector,
+    geometries: list[GeometryId],
+    friction: Sequence[float],
+    where: str,
+) -> Polyhedron:
+    parts: list[Part] = []
+    for geometry, mu in zip(geometries, friction, strict=True):
+        shape = inspector.GetShape(geometry)
+        if not isinstance(shape, Box | Convex | Mesh):
+            raise ModelError(
+                f"{where}: collision geometry '{inspector.GetName(geometry)}' is a "
+                f"{type(shape).__name__}, which has no faces; only Box, Convex and Mesh do"
+            )
+        with _blaming(where):
+            X_BG = inspector.GetPoseInFrame(geometry)
+            parts.append(Part(_triangles_B(shape, X_BG), mu))
+    try:
+        return build_polyhedron(parts)
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}") from error
+
+
+def _triangles_B(shape: Shape, X_BG: RigidTransform) -> Array:
+    """The shape's surface [m], shape (T, 3, 3): what rigid hydroelastic contact makes of it.
+
+    Point contact would use the convex hull of a Mesh and fill its notches.
+    """
+    scene_graph = SceneGraph()
+    instance = GeometryInstance(X_BG, shape, "surface")
+    properties = ProximityProperties()
+    AddRigidHydroelasticProperties(properties)
+    instance.set_proximity_properties(properties)
+    geometry = scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("source"), instance)
+    mesh = scene_graph.model_inspector().maybe_get_hydroelastic_mesh(geometry)
+    index = [[face.vertex(k) for k in range(3)] for face in mesh.triangles()]
+    p_BV = X_BG.multiply(np.array(mesh.vertices()).T).T
+    return np.asarray(p_BV[np.array(index)])
+
+
+def _mass(plant: MultibodyPlant, body: RigidBody) -> tuple[float, Array]:
+    context = plant.CreateDefaultContext()
+    return body.get_mass(context), body.CalcCenterOfMassInBodyFrame(context)

@@ -1,0 +1,179 @@
+"""Reads plain YAML from anyone: mappings, sequences and scalars, each refusal naming its place.
+
+Drake's typed YAML lets the second of two equal keys win, takes the text "0.3" for a number and
+says nothing of missing keys, so PyYAML, on which Drake depends, composes the nodes, and only plain
+data is made of them. Tags and aliases are refused: no file can run code or grow on being read.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import reprlib
+import stat
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+
+from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.grasp import Array, frozen
+
+MAX_BYTES = 4_000_000
+"""Ours: some two thousand grasps; what is larger is no grasp file."""
+_PLAIN_TAGS = [f"tag:yaml.org,2002:{kind}" for kind in ("map", "seq", "str")]
+Sign = Literal["any", "positive", "zero or positive"]
+
+
+def read_mapping(path: Path) -> Block:
+    """The document in a file, which must be a mapping.
+
+    Raises:
+        GraspFileError: when it cannot be read, is too large, or is not plain YAML.
+    """
+    text = _read_text(path)
+    try:
+        # Without a resolver every tag but the three defaults was written by hand.
+        node = yaml.compose(text, Loader=yaml.BaseLoader)
+        return Block(None if node is None else _value(node, set()), f"{path}: ")
+    except (yaml.YAMLError, ValueError) as error:
+        raise GraspFileError(f"{path}: is not plain YAML: {' '.join(str(error).split())}") from None
+    except RecursionError:
+        raise GraspFileError(f"{path}: is not plain YAML: nested too deeply") from None
+
+
+def _read_text(path: Path) -> str:
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise GraspFileError(f"{path}: is not a regular file")
+        if status.st_size > MAX_BYTES:
+            raise GraspFileError(f"{path}: larger than {MAX_BYTES} bytes, so it is no grasp file")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise GraspFileError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise GraspFileError(f"{path}: is not UTF-8 text") from error
+
+
+def _value(node: yaml.Node, seen: set[int]) -> Any:
+    """The plain value of a node; ValueError where there is none."""
+    line = node.start_mark.line + 1
+    if id(node) in seen:
+        raise ValueError(f"line {line}: an alias refers to this value; write it out")
+    seen.add(id(node))
+    if node.tag not in _PLAIN_TAGS:
+        raise ValueError(f"line {line}: the tag {node.tag!r} is no part of the format")
+    if isinstance(node, yaml.ScalarNode):
+        return _scalar(node.value) if node.style is None else node.value
+    if isinstance(node, yaml.SequenceNode):
+        return [_value(item, seen) for item in node.value]
+    mapping: dict[str, Any] = {}
+    for key, item in node.value:
+        line = key.start_mark.line + 1
+        if not isinstance(key, yaml.ScalarNode):
+            raise ValueError(f"line {line}: a key must be a word")
+        if key.value in mapping:
+            raise ValueError(f"line {line}: the key {key.value!r} appears a second time")
+        mapping[key.value] = _value(item, seen)
+    return mapping
+
+
+_WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_NON_FINITE = re.compile(r"[-+]?\.(nan|inf)", re.IGNORECASE)
+
+
+def _scalar(text: str) -> bool | int | float | str | None:
+    """An unquoted scalar in YAML 1.2's core schema (less octal and hexadecimal integers)."""
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    if _NON_FINITE.fullmatch(text):
+        return float(text.replace(".", ""))
+    return text
+
+
+class Block:
+    """A mapping of a file, read key by key; every refusal is a GraspFileError naming the place."""
+
+    def __init__(self, data: object, where: str) -> None:
+        if not isinstance(data, dict):
+            raise GraspFileError(f"{where.rstrip('.: ')} is {_shown(data)}, not a mapping")
+        self.data: dict[str, Any] = data
+        self.where = where
+
+    def get(self, key: str) -> Any:
+        """Whatever stands at `key`, which must be there."""
+        if key not in self.data:
+            raise GraspFileError(f"{self.where}{key} is missing")
+        return self.data[key]
+
+    def refuse(self, key: str, demand: str) -> GraspFileError:
+        """The error that the value of `key` is not what it must be."""
+        return GraspFileError(f"{self.where}{key} is {_shown(self.data[key])}, not {demand}")
+
+    def text(self, key: str, allowed: Sequence[str] = ()) -> Any:
+        """Text that is not empty and, where `allowed` says so, one of these."""
+        value = self.get(key)
+        if not isinstance(value, str) or not value:
+            raise self.refuse(key, "text")
+        if allowed and value not in allowed:
+            raise self.refuse(key, f"one of {', '.join(allowed)}")
+        return value
+
+    def integer(self, key: str) -> int:
+        """Zero or a positive whole number."""
+        value = self.get(key)
+        if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+            raise self.refuse(key, "a whole number")
+        return value
+
+    def number(self, key: str, sign: Sign = "any") -> float:
+        """A finite number."""
+        number = _finite(self.get(key))
+        if number is None:
+            raise self.refuse(key, "a finite number")
+        if (sign == "positive" and number <= 0) or (sign == "zero or positive" and number < 0):
+            raise self.refuse(key, sign)
+        return number
+
+    def vector(self, key: str, length: int = 3) -> Array:
+        """So many finite numbers."""
+        value = self.get(key)
+        items = value if isinstance(value, list) else []
+        numbers = [number for item in items if (number := _finite(item)) is not None]
+        if len(items) != length or len(numbers) != length:
+            raise self.refuse(key, f"a list of {length} finite numbers")
+        return frozen(numbers)
+
+    def block(self, key: str) -> Block:
+        """A mapping in this one."""
+        return Block(self.get(key), f"{self.where}{key}.")
+
+    def blocks(self, key: str) -> list[Block]:
+        """A list of mappings."""
+        value = self.get(key)
+        if not isinstance(value, list):
+            raise self.refuse(key, "a list")
+        return [Block(item, f"{self.where}{key}[{i}].") for i, item in enumerate(value)]
+
+
+def _shown(value: object) -> str:
+    return "null" if value is None else reprlib.repr(value)
+
+
+def _finite(value: object) -> float | None:
+    """A finite number as a float, None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

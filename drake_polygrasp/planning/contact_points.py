@@ -1,0 +1,164 @@
+"""Section 7: the contact points on the segments a_i.
+
+Departures from the text: what 7.1 calls P_1 in its steps 3 to 5 is the point P_I where the three
+lines meet, and its "closest to a_2" is closest to c_a; 7.2's d_m is the distance of P_2 (not P_1)
+from L_p; distances and order are measured across n_bs, not along a tilted a_i; both pairings of
+sides with faces are tried; in 7.3 it suffices that a_2 has points on both sides of L_p, and P_1
+moves along a_1 until it has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.planning.planar import (
+    Scale,
+    centroids,
+    clip_intervals,
+    dot,
+    nearest,
+    outer_ends,
+    within,
+)
+from drake_polygrasp.planning.position import PlaneDirections
+from drake_polygrasp.planning.region_p import Cut, segment_hulls
+
+HALF = 0.5
+"""The text's place of P_2 on its half of the segment: the middle."""
+CLEARANCE = 0.02
+"""Part of a_2's extent that 7.3 keeps on each side of L_p, ours."""
+EQUAL_AREA = 1e-9
+"""Relative, ours: triangles nearer than this in area are a tie."""
+
+
+def nonparallel_contacts(cut: Cut, on: PlaneDirections, scale: Scale) -> Array:
+    """7.1: where lines along n'_i through one point P_I meet the segments a_i.
+
+    Args:
+        cut: M planes of non-parallel sets.
+        on: their directions on Pi_l.
+        scale: the object's size.
+
+    Returns:
+        p_BC [m], shape (M, 3, 3); NaN where a line misses its segment.
+    """
+    rows = np.arange(len(cut.owner))
+    across = np.cross(cut.along_B, cut.nhat_B)
+    c_a_2 = centroids(segment_hulls(cut.segments, across, cut.along_B))
+    c_a = c_a_2[:, :1] * across + c_a_2[:, 1:] * cut.along_B + cut.height[:, None] * cut.nhat_B
+
+    offset = c_a - cut.p_Bc
+    distance = np.abs(dot(on.that, offset[:, None]))
+    nearest_line = distance <= distance.min(axis=1, keepdims=True) + scale.length_slack
+    L_p = on.nprime[rows, np.argmax(nearest_line, axis=1)]
+    # Along L_p, from c_I^p at 0: P covers [low, high], and the middle of c_a c_I^p projects to:
+    middle = dot(L_p, offset) / 2
+    low, high = _reach_in_strips(cut, on, L_p)
+    P_I = cut.p_Bc + np.clip(middle, low, high)[:, None] * L_p
+
+    contacts, on_faces = _concurrent(cut, on, P_I, scale)
+    central, central_on_faces = _concurrent(cut, on, cut.p_Bc, scale)
+    take_first = on_faces & _triangle_holds(contacts, P_I, cut.nhat_B, scale)
+    contacts = np.where(take_first[:, None, None], contacts, central)
+    contacts[~take_first & ~central_on_faces] = np.nan
+    return contacts
+
+
+def _reach_in_strips(cut: Cut, on: PlaneDirections, L_p: Array) -> tuple[Array, Array]:
+    """How far the line through c_I^p along L_p stays in P, backwards and forwards, (M,) each."""
+    ends = outer_ends(cut.segments.intervals)
+    start = dot(on.that, cut.p_Bc[:, None])[..., None]
+    rate = dot(on.that, L_p[:, None])[..., None]
+    parallel = np.abs(rate) < 1e-9
+    bounds = (ends - start) / np.where(parallel, 1.0, rate)
+    low = np.where(parallel[..., 0], -np.inf, bounds.min(axis=-1)).max(axis=1)
+    high = np.where(parallel[..., 0], np.inf, bounds.max(axis=-1)).min(axis=1)
+    return low, np.maximum(low, high)
+
+
+def _concurrent(cut: Cut, on: PlaneDirections, P_I: Array, scale: Scale) -> tuple[Array, Bools]:
+    """Where the lines through P_I along n'_i meet the lines of a_i, and whether all hit a_i."""
+    s = dot(on.that, P_I[:, None])
+    points = cut.segments.p_BS + s[..., None] * cut.segments.slope_B
+    hit = within(cut.segments.intervals, s, scale.length_slack)
+    hits: Bools = np.logical_and.reduce(hit, axis=1)
+    return points, hits
+
+
+def _triangle_holds(corners: Array, point: Array, N: Array, scale: Scale) -> Bools:
+    """Whether points lie in closed triangles of the planes with normal N."""
+    side = np.roll(corners, -1, axis=1) - corners
+    left = dot(N[:, None], np.cross(side, point[:, None] - corners))
+    slack = scale.length_slack * np.linalg.norm(side, axis=-1)
+    holds: Bools = (left >= -slack).all(axis=1) | (left <= slack).all(axis=1)
+    return holds
+
+
+def opposed_contacts(cut: Cut, scale: Scale, spread: float = HALF) -> Array:
+    """7.2 and 7.3: P_1 opposite the middle, P_2 and P_3 on either side of it.
+
+    Args:
+        cut: M planes of parallel sets and pairs; 7.3 is for those whose a_2 is a_3.
+        scale: the object's size.
+        spread: place of P_2 on its half of the segments, 0 at L_p and 1 at the far end; 7.2 and
+            7.3 take 0.5.
+
+    Returns:
+        p_BC [m], shape (M, 3, 3), ordered A_1, A_2, A_3 (pairs: the farther of P_2 and P_3 first);
+        NaN where no pairing leaves P_1 strictly between.
+    """
+    across = np.cross(cut.along_B, cut.nhat_B)
+    c_a = centroids(segment_hulls(cut.segments, across, cut.along_B))[:, 0]
+    a_1, a_2, a_3 = np.moveaxis(cut.segments.intervals, 1, 0)
+    one_region = cut.region[:, 1] == cut.region[:, 2]
+    same = (a_2 == a_3) | np.isnan(a_2)
+    one_face = one_region & np.logical_and.reduce(same, axis=(1, 2))
+    ends = outer_ends(a_2)
+    margin = CLEARANCE * (ends[:, 1] - ends[:, 0])
+    bounded = clip_intervals(a_1, ends[:, 0] + margin, ends[:, 1] - margin, scale.length_slack)
+    a_1 = np.where(one_face[:, None, None], bounded, a_1)
+    x_1 = nearest(a_1, c_a, scale.length_slack)
+
+    sides = [_either_side(x_1, a_2, a_3, spread, scale), _either_side(x_1, a_3, a_2, spread, scale)]
+    x = np.stack([sides[0], sides[1][:, ::-1]], axis=1)  # (M, pairing, face 2 or 3)
+    x = np.concatenate([np.repeat(x_1[:, None, None], 2, axis=1), x], axis=2)
+    p_BC = cut.segments.p_BS[:, None] + x[..., None] * cut.segments.slope_B[:, None]
+    p_BC[one_face, 1] = np.nan  # the same pairing again
+    first, second = p_BC[:, :, 1] - p_BC[:, :, 0], p_BC[:, :, 2] - p_BC[:, :, 0]
+    area = np.linalg.norm(np.cross(first, second), axis=-1)
+    area = np.where(np.isnan(area), -1.0, area)
+    best = np.argmax(area >= area.max(axis=1, keepdims=True) * (1 - EQUAL_AREA), axis=1)
+    contacts: Array = p_BC[np.arange(len(best)), best]
+
+    reach = np.abs(x[np.arange(len(best)), best] - x_1[:, None])
+    swap = one_region & (reach[:, 2] > reach[:, 1] + scale.length_slack)
+    contacts[swap] = contacts[swap][:, [0, 2, 1]]
+    return contacts
+
+
+def _either_side(x_1: Array, left: Array, right: Array, spread: float, scale: Scale) -> Array:
+    """P_2 and P_3 across n_bs: one left of x_1 on one face, one right of it on the other.
+
+    Returns:
+        Coordinates on the left and on the right, shape (M, 2); NaN where a side has no room.
+    """
+    everywhere = np.full_like(x_1, np.inf)
+    slack = scale.length_slack
+    away = [
+        # Distances from L_p: mirrored on the left, so that "farther" is greater on both.
+        x_1[:, None, None] - clip_intervals(left, -everywhere, x_1, slack)[..., ::-1],
+        clip_intervals(right, x_1, everywhere, slack) - x_1[:, None, None],
+    ]
+    chosen = []
+    for portion in away:
+        ends = outer_ends(portion)
+        target = ends[:, 0] + spread * (ends[:, 1] - ends[:, 0])
+        chosen.append(np.where(ends[:, 1] > slack, nearest(portion, target, slack), np.nan))
+    d_m = np.maximum(*chosen)
+    d = [
+        np.where(own >= d_m - slack, own, nearest(portion, d_m, slack))
+        for own, portion in zip(chosen, away, strict=True)
+    ]
+    room = (d[0] > slack) & (d[1] > slack)
+    return np.where(room[:, None], np.column_stack([x_1 - d[0], x_1 + d[1]]), np.nan)

@@ -1,0 +1,359 @@
+"""Batched geometry that several stages of the paper share: ragged faces, cuts, strips, projections.
+
+Every function works on K rows at once. A row names a region of a face; regions have different
+numbers of edges, so their edges are gathered into one flat array and reduced row by row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from drake_polygrasp.grasp import Array, Bools, Ints, frozen
+from drake_polygrasp.polyhedron import LENGTH_TOLERANCE, Regions
+
+Shapes = npt.NDArray[np.object_]
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """The object's size, which lengths are compared with, and its centre of mass."""
+
+    p_BBcm: Array
+    """[m], shape (3,)."""
+    rho: float
+    """Greatest distance from the centre of mass to the surface [m]."""
+    diameter: float
+    """L [m]."""
+
+    @property
+    def length_slack(self) -> float:
+        """What is shorter is a rounding error [m]."""
+        return LENGTH_TOLERANCE * self.diameter
+
+    @property
+    def area_slack(self) -> float:
+        """What is smaller is a rounding error [m^2]."""
+        return LENGTH_TOLERANCE * self.diameter**2
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary:
+    """The directed edges of all regions, flat; every vertex is the tail of exactly one edge."""
+
+    tail: Array
+    """[m], shape (E, 3)."""
+    head: Array
+    """[m], shape (E, 3)."""
+    offsets: Ints
+    """Region r has the edges `offsets[r]:offsets[r + 1]`, shape (n + 1,)."""
+
+
+def boundary(regions: Regions) -> Boundary:
+    """The edges of the regions' closed rings."""
+    is_tail = np.ones(len(regions.p_BV), dtype=bool)
+    is_tail[regions.ring_offsets[1:] - 1] = False
+    tails = np.flatnonzero(is_tail)
+    vertex_offsets = regions.ring_offsets[regions.region_offsets]
+    return Boundary(
+        tail=frozen(regions.p_BV[tails]),
+        head=frozen(regions.p_BV[tails + 1]),
+        offsets=frozen(np.searchsorted(tails, vertex_offsets), np.int64),
+    )
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Row-wise scalar product over the last axis."""
+    product: Array = np.einsum("...i,...i->...", a, b)
+    return product
+
+
+def unit(a: Array) -> Array:
+    """Row-wise unit vectors; zero rows stay zero."""
+    length = np.linalg.norm(a, axis=-1, keepdims=True)
+    scaled: Array = a / np.where(length > 0, length, 1.0)
+    return scaled
+
+
+def orthonormal_pair(nhat: Array) -> tuple[Array, Array]:
+    """Unit vectors u, v with u x v = nhat, each of shape (K, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(nhat), axis=-1)]
+    u = unit(np.cross(least, nhat))
+    return u, np.cross(nhat, u)
+
+
+def gather(offsets: Ints, rows: Ints) -> tuple[Ints, Ints]:
+    """Flat indices of the items of `rows`, and the row (0..K-1) that owns each of them."""
+    counts = offsets[rows + 1] - offsets[rows]
+    starts = np.cumsum(counts) - counts
+    owner = np.repeat(np.arange(len(rows)), counts)
+    return np.arange(counts.sum()) + (offsets[rows] - starts)[owner], owner
+
+
+def _starts(owner: Ints, num_rows: int) -> Ints:
+    return np.searchsorted(owner, np.arange(num_rows))
+
+
+def extents(edges: Boundary, region: Ints, direction: Array) -> tuple[Array, Array]:
+    """Least and greatest direction . p_BV of each row's region, each of shape (K,)."""
+    if not len(region):
+        return np.empty(0), np.empty(0)
+    index, owner = gather(edges.offsets, region)
+    along = dot(edges.tail[index], direction[owner])
+    starts = _starts(owner, len(region))
+    return np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)
+
+
+def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
+    """Orthogonal projections of whole regions, holes included, on planes spanned by u and v.
+
+    Args:
+        regions: all regions.
+        region: index of each row's region, shape (K,).
+        u: first unit axis of each row's plane, shape (K, 3).
+        v: second unit axis, shape (K, 3).
+
+    Returns:
+        shapely Polygons in the coordinates (u . p, v . p) [m], shape (K,).
+    """
+    ring, ring_owner = gather(regions.region_offsets, region)
+    vertex, vertex_ring = gather(regions.ring_offsets, ring)
+    owner = ring_owner[vertex_ring]
+    p_BV = regions.p_BV[vertex]
+    coordinates = np.column_stack([dot(p_BV, u[owner]), dot(p_BV, v[owner])])
+    ring_starts = np.append(_starts(vertex_ring, len(ring)), len(vertex))
+    region_starts = np.append(_starts(ring_owner, len(region)), len(ring))
+    polygons: Shapes = shapely.from_ragged_array(
+        shapely.GeometryType.POLYGON, coordinates, (ring_starts, region_starts)
+    )
+    return polygons
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """The segments a_i = Pi_p cut with A_i (Section 4), several where a face is not convex.
+
+    The point of the cut at coordinate s along the row's axis is `p_BS + s * slope_B`.
+    """
+
+    p_BS: Array
+    """Point of the cut's line at s = 0 [m], shape (K, 3)."""
+    slope_B: Array
+    """Change of the point with s, shape (K, 3)."""
+    intervals: Array
+    """Ends of the segments as values of s, ascending, padded with NaN [m], shape (K, S, 2)."""
+
+    def points(self, s: Array) -> Array:
+        """Points at coordinates s of shape (K,) or (K, J); shape (K, 3) or (K, J, 3)."""
+        if s.ndim == 1:
+            return self.p_BS + s[:, None] * self.slope_B
+        return self.p_BS[:, None] + s[..., None] * self.slope_B[:, None]
+
+    def take(self, rows: Ints | Bools) -> Section:
+        """The same for some of the rows."""
+        return Section(self.p_BS[rows], self.slope_B[rows], self.intervals[rows])
+
+
+def section(
+    regions: Regions,
+    edges: Boundary,
+    region: Ints,
+    nhat: Array,
+    height: Array,
+    axis: Array,
+    slack: float,
+) -> Section:
+    """Cuts each row's region with the plane nhat . p = height.
+
+    Args:
+        regions: all regions.
+        edges: their boundary.
+        region: index of each row's region, shape (K,).
+        nhat: unit normal of each row's plane, shape (K, 3).
+        height: offset of each row's plane [m], shape (K,).
+        axis: direction within the plane that coordinates are measured along, shape (K, 3).
+        slack: gaps no longer than this are closed, and segments dropped [m].
+    """
+    index, owner = gather(edges.offsets, region)
+    tail, head = edges.tail[index], edges.head[index]
+    above_tail = dot(tail, nhat[owner]) - height[owner]
+    above_head = dot(head, nhat[owner]) - height[owner]
+    # Half-open, so that a vertex on the plane is counted once and ends always pair up.
+    crosses = (above_tail <= 0) != (above_head <= 0)
+    index, owner = index[crosses], owner[crosses]
+    fraction = above_tail[crosses] / (above_tail[crosses] - above_head[crosses])
+    s = dot(edges.tail[index], axis[owner]) * (1 - fraction)
+    s += dot(edges.head[index], axis[owner]) * fraction
+
+    order = np.lexsort((s, owner))
+    s, owner = s[order], owner[order]
+    for parity in (1, 0):  # gaps begin at every second end, segments at the others
+        s, owner = _without_short(s, owner, parity, slack)
+    slot, counts = _slots(owner, len(region))
+    ends = np.full((len(region), max(2, counts.max(initial=0))), np.nan)
+    ends[owner, slot] = s
+
+    nhat_TB = regions.nhat_TB_B[region]
+    # axis, nhat and nhat_TB are independent: a cut along which `axis` is constant has no segments.
+    frame = np.stack([axis, nhat, nhat_TB], axis=1)
+    constants = np.stack([np.zeros_like(height), height, dot(nhat_TB, regions.p_BF[region])], -1)
+    columns = np.stack([constants, np.tile([1.0, 0.0, 0.0], (len(region), 1))], axis=-1)
+    singular = np.abs(np.linalg.det(frame)) < 1e-12
+    frame[singular] = np.eye(3)
+    ends[singular] = np.nan
+    line = np.linalg.solve(frame, columns)
+    return Section(line[..., 0], line[..., 1], ends.reshape(len(region), ends.shape[1] // 2, 2))
+
+
+def _slots(owner: Ints, num_rows: int) -> tuple[Ints, Ints]:
+    """Position of each sorted item among its owner's, and how many items each row owns."""
+    counts = np.bincount(owner, minlength=num_rows)
+    return np.arange(len(owner)) - (np.cumsum(counts) - counts)[owner], counts
+
+
+def _without_short(s: Array, owner: Ints, parity: int, slack: float) -> tuple[Array, Ints]:
+    """Without the pairs of neighbours, the first at a slot of this parity, that nearly touch."""
+    slot, _ = _slots(owner, 1 + int(owner.max(initial=0)))
+    short = (slot[:-1] % 2 == parity) & (owner[:-1] == owner[1:]) & (np.diff(s) <= slack)
+    keep = np.ones(len(s), dtype=bool)
+    keep[:-1] &= ~short
+    keep[1:] &= ~short
+    return s[keep], owner[keep]
+
+
+def within(intervals: Array, s: Array, slack: float) -> Bools:
+    """Whether s of shape (...) lies in one of the intervals of shape (..., S, 2)."""
+    low, high = intervals[..., 0], intervals[..., 1]
+    between = (s[..., None] >= low - slack) & (s[..., None] <= high + slack)
+    inside: Bools = np.logical_or.reduce(between, axis=-1)
+    return inside
+
+
+def clip_intervals(intervals: Array, low: Array, high: Array, slack: float) -> Array:
+    """The parts of the intervals between low and high; NaN where no more than slack is left."""
+    clipped = np.stack(
+        [
+            np.maximum(intervals[..., 0], low[..., None]),
+            np.minimum(intervals[..., 1], high[..., None]),
+        ],
+        axis=-1,
+    )
+    clipped[~(clipped[..., 1] - clipped[..., 0] > slack)] = np.nan
+    return clipped
+
+
+def nearest(intervals: Array, s: Array, slack: float) -> Array:
+    """The point of the intervals nearest to s, the greater among equals; NaN where all are empty.
+
+    Args:
+        intervals: shape (..., S, 2), padded with NaN.
+        s: shape (...).
+        slack: distances that differ by less than this are equal.
+    """
+    candidates = np.clip(s[..., None], intervals[..., 0], intervals[..., 1])
+    distance = np.abs(candidates - s[..., None])
+    distance = np.where(np.isnan(distance), np.inf, distance)
+    best = distance <= distance.min(axis=-1, keepdims=True) + slack
+    found: Array = np.where(best & np.isfinite(distance), candidates, -np.inf).max(axis=-1)
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def outer_ends(intervals: Array) -> Array:
+    """Least and greatest end over all intervals, shape (..., 2); NaN where all are empty."""
+    low = np.where(np.isnan(intervals[..., 0]), np.inf, intervals[..., 0]).min(axis=-1)
+    high = np.where(np.isnan(intervals[..., 1]), -np.inf, intervals[..., 1]).max(axis=-1)
+    ends = np.stack([low, high], axis=-1)
+    ends[~np.isfinite(low)] = np.nan
+    return ends
+
+
+def strips_meet(turn: Array, low: Array, high: Array, slack: float) -> Bools:
+    """Whether three strips low_i <= t_i . p <= high_i of a plane share more than a point.
+
+    The three values t_i . p of any point satisfy sum turn_i (t_i . p) = 0 and no other relation,
+    so the strips meet if and only if this plane cuts the box of their bounds.
+
+    Args:
+        turn: (t_2 x t_3, t_3 x t_1, t_1 x t_2) . N, shape (K, 3).
+        low: shape (K, 3) [m].
+        high: shape (K, 3) [m].
+        slack: what an intersection must exceed [m].
+    """
+    middle, half = (low + high) / 2, (high - low) / 2
+    meet: Bools = np.abs(dot(turn, middle)) < dot(np.abs(turn), half) - slack
+    return meet
+
+
+def strips_polygon(that: Array, turn: Array, low: Array, high: Array) -> Array:
+    """The common polygon of three strips, shape (K, 10, 2), some vertices repeated.
+
+    Args:
+        that: unit normals t_i of the strips in the plane's coordinates, shape (K, 3, 2).
+        turn: as in `strips_meet`, shape (K, 3).
+        low: shape (K, 3) [m].
+        high: shape (K, 3) [m].
+    """
+    rows = np.arange(len(that))
+    last = np.argmax(np.abs(turn), axis=1)  # the other two are the least parallel pair
+    first, second = (last + 1) % 3, (last + 2) % 3
+    normals = np.stack([that[rows, first], that[rows, second]], axis=1)
+    bounds = np.stack(
+        [
+            np.stack([low[rows, first], high[rows, first], high[rows, first], low[rows, first]], 1),
+            np.stack(
+                [low[rows, second], low[rows, second], high[rows, second], high[rows, second]], 1
+            ),
+        ],
+        axis=1,
+    )
+    corners = np.swapaxes(np.linalg.solve(normals, bounds), 1, 2)
+    corners = clip_polygon(corners, that[rows, last], high[rows, last])
+    return clip_polygon(corners, -that[rows, last], -low[rows, last])
+
+
+def clip_polygon(vertices: Array, normal: Array, offset: Array) -> Array:
+    """Cuts convex polygons with the half-planes normal . p <= offset.
+
+    Args:
+        vertices: shape (K, V, 2); repeated vertices are allowed, order is kept.
+        normal: shape (K, 2).
+        offset: shape (K,).
+
+    Returns:
+        shape (K, V + 2, 2), padded by repeating the last vertex; NaN where nothing is left.
+    """
+    num_rows, num_vertices, _ = vertices.shape
+    beyond = dot(vertices, normal[:, None]) - offset[:, None]
+    next_vertex, next_beyond = np.roll(vertices, -1, axis=1), np.roll(beyond, -1, axis=1)
+    crosses = (beyond <= 0) != (next_beyond <= 0)
+    span = np.where(crosses, beyond - next_beyond, 1.0)
+    crossing = vertices + (beyond / span)[..., None] * (next_vertex - vertices)
+
+    points = np.stack([vertices, crossing], axis=2).reshape(num_rows, 2 * num_vertices, 2)
+    keep = np.stack([beyond <= 0, crosses], axis=2).reshape(num_rows, 2 * num_vertices)
+    order = np.argsort(~keep, axis=1, kind="stable")[:, : num_vertices + 2]
+    count = keep.sum(axis=1)
+    slot = np.minimum(np.arange(num_vertices + 2), np.maximum(count - 1, 0)[:, None])
+    clipped = points[np.arange(num_rows)[:, None], np.take_along_axis(order, slot, axis=1)]
+    clipped[count == 0] = np.nan
+    return clipped
+
+
+def area_and_centroid(vertices: Array) -> tuple[Array, Array]:
+    """Areas (K,) and centroids (K, 2) of convex polygons (K, V, 2) with positive area."""
+    p = vertices - vertices[:, :1]
+    q = np.roll(p, -1, axis=1)
+    twice = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
+    area = twice.sum(axis=1) / 2
+    moment = ((p + q) * twice[..., None]).sum(axis=1) / 6
+    centroid = vertices[:, 0] + moment / np.where(area == 0, 1.0, area)[:, None]
+    return np.abs(area), centroid
+
+
+def centroids(shapes: Shapes) -> Array:
+    """Centroids of shapes, shape (..., 2); NaN for empty ones."""
+    points = shapely.centroid(shapes)
+    return np.stack([shapely.get_x(points), shapely.get_y(points)], axis=-1)

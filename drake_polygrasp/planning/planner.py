@@ -1,0 +1,388 @@
+"""The flow chart of Sections 4 to 7: every set of faces ends with contact points or one reason.
+
+Sets pass the stages in batches, chunk by chunk; what a stage rejects keeps that stage's reason.
+Contacts are constructed here, not proved: whoever returns them as a grasp must certify them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.planning.contact_points import nonparallel_contacts, opposed_contacts
+from drake_polygrasp.planning.grasp_plane import (
+    grouped_ties,
+    nonparallel_planes,
+    opposed_planes,
+    parallel_directions,
+)
+from drake_polygrasp.planning.orientation import (
+    classify,
+    friction_angle,
+    opposes,
+    pair_opposes,
+    pairs,
+    sine_of_pair,
+    sine_of_parallel,
+    sine_of_tips_plane,
+    triples,
+)
+from drake_polygrasp.planning.planar import Boundary, Scale, boundary, unit
+from drake_polygrasp.planning.position import (
+    opposed,
+    parallel_faces_meet,
+    plane_directions,
+    region_rl,
+    strip_rs,
+    two_faces_meet,
+)
+from drake_polygrasp.planning.quality import q_directions, q_orientation, q_positions
+from drake_polygrasp.planning.region_p import Cut, cut_nonparallel, cut_parallel, cut_two_faces
+from drake_polygrasp.planning.two_faces import choices, two_face_planes
+from drake_polygrasp.planning.variants import SPREADS
+from drake_polygrasp.polyhedron import Regions
+
+Method = Literal["enriched", "paper"]
+
+REASONS = (
+    "certified",
+    "orientation",
+    "rl_empty",
+    "rs_empty",
+    "not_opposed",
+    "no_direction",
+    "p_empty",
+    "off_face",
+    "wrong_order",
+    "collinear",
+    "tip_blocked",
+    "not_force_closure",
+    "undecided",
+    "not_evaluated",
+)
+"""What can become of a set of faces; codes in arrays are positions in this tuple."""
+CODE = {reason: code for code, reason in enumerate(REASONS)}
+UNJUDGED = CODE["not_evaluated"]
+"""Code of a set with contact points that nobody has judged yet."""
+
+_OPPOSING_FIRST = np.array([[0, 1, 2], [1, 0, 2], [2, 0, 1]])
+EQUAL_QUALITY = 1e-9
+"""Ours: values of Q nearer than this are a tie."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Constructed contacts, one row a set (or a variant of it); NaN where construction failed."""
+
+    set_index: Ints
+    """Position of the set in SetPlan.sets, shape (C,)."""
+    region: Ints
+    """Region of each contact, shape (C, 3)."""
+    is_parallel: Bools
+    """Whether the set was planned with parallel forces, shape (C,)."""
+    p_BC: Array
+    """[m], shape (C, 3, 3)."""
+    nhat_B: Array
+    """N, unit normal of Pi_p, shape (C, 3)."""
+    p_BP: Array
+    """A point of Pi_p, c_I^p [m], shape (C, 3)."""
+    q: Array
+    """q_1 to q_5, shape (C, 5)."""
+
+    @property
+    def Q(self) -> Array:
+        """The paper's quality (eq. 5), shape (C,)."""
+        product: Array = self.q.prod(axis=1)
+        return product
+
+    def take(self, rows: Ints | Bools) -> Candidates:
+        """The same for some of the rows."""
+        return Candidates(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+
+@dataclass(frozen=True, eq=False)
+class SetPlan:
+    """Every set of faces with its reason so far, and the contacts of those that have some."""
+
+    sets: Ints
+    """Regions of each set, ascending; -1 for a pair's third, shape (M, 3)."""
+    code: npt.NDArray[np.int8]
+    """Position in REASONS; UNJUDGED for sets with contact points, shape (M,)."""
+    candidates: Candidates
+    """Sets with a non-empty P, in the order of sets; NaN contacts where Section 7 failed."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Valued:
+    """Rows with a non-empty P and what eq. 5-10 need, before one row a set is chosen."""
+
+    cut: Cut
+    q_4: Array
+    q_5: Array
+    scale: Scale
+
+    def best(self) -> Ints:
+        """The row of best Q of each set; Q by the object's size, which needs no other set."""
+        cut = self.cut
+        q = q_positions(cut.d_1, cut.d_2, cut.area_s, cut.area_p, self.scale.rho, "object")
+        located = q.prod(axis=1)
+        num_sets = int(cut.owner.max(initial=-1)) + 1
+        best = grouped_ties(located * self.q_4 * self.q_5, cut.owner, num_sets, EQUAL_QUALITY)
+        best = best[grouped_ties(located[best], cut.owner[best], num_sets, EQUAL_QUALITY)]
+        first: Ints = best[np.unique(cut.owner[best], return_index=True)[1]]
+        return first
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Chosen rows with contacts: a variant each; what paper-scaled Q still needs of them."""
+
+    set_index: Ints
+    region: Ints
+    is_parallel: Bools
+    p_BC: Array
+    nhat_B: Array
+    p_BP: Array
+    d_1: Array
+    d_2: Array
+    area_s: Array
+    area_p: Array
+    q_4: Array
+    q_5: Array
+
+
+def has_contacts(p_BC: Array) -> Bools:
+    """Whether all contacts of each row were constructed, shape (C, 3, 3) to (C,)."""
+    constructed: Bools = np.logical_and.reduce(np.isfinite(p_BC), axis=(1, 2))
+    return constructed
+
+
+def plan_sets(
+    regions: Regions,
+    p_BBcm: Array,
+    diameter: float,
+    rho: float,
+    method: Method = "paper",
+) -> SetPlan:
+    """Runs Sections 4 to 7 on all sets of three and of two regions.
+
+    Args:
+        regions: the eroded faces A_i.
+        p_BBcm: centre of mass [m], shape (3,).
+        diameter: L [m].
+        rho: greatest distance from the centre of mass to the surface [m].
+        method: "paper" as the text is read here; "enriched" scales Q by the object and tries the
+            variants of planning/variants.py.
+    """
+    stages = _Stages(regions, boundary(regions), Scale(p_BBcm, rho, diameter), method)
+    sets: list[Ints] = []
+    codes: list[npt.NDArray[np.int8]] = []
+    found: list[_Found] = []
+    first = 0
+    num_regions = len(regions.face)
+    batches = [*triples(num_regions), pairs(num_regions)]
+    for batch in batches:
+        code, some = (stages.triples if batch.shape[1] == 3 else stages.pairs)(batch, first)
+        sets.append(np.pad(batch, ((0, 0), (0, 3 - batch.shape[1])), constant_values=-1))
+        codes.append(code)
+        found.extend(some)
+        first += len(batch)
+    return SetPlan(
+        np.concatenate(sets),
+        np.concatenate(codes),
+        _candidates(found, rho, method),
+    )
+
+
+def _candidates(found: list[_Found], rho: float, method: Method) -> Candidates:
+    columns = {
+        column.name: np.concatenate([getattr(part, column.name) for part in found])
+        for column in fields(_Found)
+    }
+    rows = _Found(**columns)
+    scale: Literal["paper", "object"] = "paper" if method == "paper" else "object"
+    q = np.column_stack(
+        [
+            q_positions(rows.d_1, rows.d_2, rows.area_s, rows.area_p, rho, scale),
+            rows.q_4,
+            rows.q_5,
+        ]
+    )
+    order = np.argsort(rows.set_index, kind="stable")
+    return Candidates(
+        rows.set_index, rows.region, rows.is_parallel, rows.p_BC, rows.nhat_B, rows.p_BP, q
+    ).take(order)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stages:
+    """The stages on one object; each method takes a batch of sets through all of them."""
+
+    regions: Regions
+    edges: Boundary
+    scale: Scale
+    method: Method
+
+    def triples(self, region: Ints, first: int) -> tuple[npt.NDArray[np.int8], list[_Found]]:
+        """Sets of three regions, shape (M, 3), the first of them number `first` of all sets."""
+        nhat = self.regions.nhat_TB_B[region]
+        alpha = friction_angle(self.regions.mu[region])
+        code = np.full(len(region), CODE["orientation"], dtype=np.int8)
+        rows = np.flatnonzero(opposes(nhat, alpha))
+        parallel = classify(nhat[rows], alpha[rows])
+
+        flat = np.delete(rows, parallel.rows)
+        found = [self._nonparallel(region[flat], alpha[flat], code, flat, first)]
+
+        steep = rows[parallel.rows]
+        roles = np.take_along_axis(region[steep], _OPPOSING_FIRST[parallel.opposing], axis=1)
+        found.append(
+            self._parallel(
+                roles, alpha[steep], parallel.nhat_bs, parallel.radius, code, steep, first
+            )
+        )
+        return code, found
+
+    def _nonparallel(
+        self, region: Ints, alpha: Array, code: npt.NDArray[np.int8], where: Ints, first: int
+    ) -> _Found:
+        regions, edges, scale = self.regions, self.edges, self.scale
+        nhat = regions.nhat_TB_B[region]
+        N, sine = sine_of_tips_plane(nhat)
+        phi = np.arcsin(sine)
+        on = plane_directions(N, nhat)
+        code[where] = CODE["rl_empty"]
+        meets, low, high = region_rl(edges, region, on, scale.length_slack)
+        region, alpha, phi, where = region[meets], alpha[meets], phi[meets], where[meets]
+        on = on.take(meets)
+
+        code[where] = CODE["rs_empty"]
+        _, apex = on.polygon(low[meets], high[meets])
+        low, high = strip_rs(regions, edges, region, on, apex, alpha - phi)
+        meets = high - low > scale.length_slack
+        region, alpha, phi, where = region[meets], alpha[meets], phi[meets], where[meets]
+        on = on.take(meets)
+
+        code[where] = CODE["p_empty"]
+        planes = nonparallel_planes(regions, edges, region, on, low[meets], high[meets], scale)
+        cut = cut_nonparallel(regions, edges, planes, on.take(planes.owner), scale)
+        nhat = regions.nhat_TB_B[cut.region]
+        q_4 = q_orientation(phi[cut.owner], alpha[cut.owner])
+        q_5 = q_directions(nhat, cut.nhat_B, parallel=False)
+        best = _Valued(cut, q_4, q_5, scale).best()
+        cut, q_4, q_5 = cut.take(best), q_4[best], q_5[best]
+
+        contacts = nonparallel_contacts(cut, on.take(cut.owner), scale)
+        self._mark(code, where[cut.owner], contacts, "off_face")
+        return self._found(cut, contacts, q_4, q_5, where[cut.owner] + first, is_parallel=False)
+
+    def _parallel(
+        self,
+        region: Ints,
+        alpha: Array,
+        nhat_bs: Array,
+        radius: Array,
+        code: npt.NDArray[np.int8],
+        where: Ints,
+        first: int,
+    ) -> _Found:
+        regions, edges, scale = self.regions, self.edges, self.scale
+        code[where] = CODE["not_opposed"]
+        sets = opposed(regions, region, nhat_bs)
+        meets = parallel_faces_meet(sets, scale.length_slack, scale.area_slack)
+        sets, where, alpha, radius = sets.take(meets), where[meets], alpha[meets], radius[meets]
+
+        code[where] = CODE["no_direction"]
+        owner, direction = parallel_directions(sets, scale)
+        code[where[owner]] = CODE["rs_empty"]
+        planes, _ = opposed_planes(edges, sets, owner, direction, scale)
+        code[where[planes.owner]] = CODE["p_empty"]
+        cut = cut_parallel(regions, edges, planes, scale)
+
+        nhat = regions.nhat_TB_B[cut.region]
+        phi = np.arcsin(sine_of_parallel(nhat)) if self.method == "paper" else radius[cut.owner]
+        q_4 = q_orientation(phi, alpha[cut.owner])
+        q_5 = q_directions(nhat, cut.nhat_B, parallel=True)
+        return self._opposed_contacts(cut, q_4, q_5, code, where, first)
+
+    def pairs(self, region: Ints, first: int) -> tuple[npt.NDArray[np.int8], list[_Found]]:
+        """Sets of two regions, shape (M, 2), the first of them number `first` of all sets."""
+        regions, edges, scale = self.regions, self.edges, self.scale
+        nhat = regions.nhat_TB_B[region]
+        alpha = friction_angle(regions.mu[region])
+        code = np.full(len(region), CODE["orientation"], dtype=np.int8)
+        where = np.flatnonzero(pair_opposes(nhat, alpha))
+
+        code[where] = CODE["not_opposed"]
+        nhat_bs = unit(nhat[where, 1] - nhat[where, 0])
+        sets = opposed(regions, region[where][:, [0, 1, 1]], nhat_bs)
+        meets = two_faces_meet(sets, scale.area_slack)
+        sets, where = sets.take(meets), where[meets]
+        rows = choices(sets, scale)
+        code[where[rows.owner]] = CODE["rs_empty"]
+        planes, kept = two_face_planes(edges, sets, rows, scale)
+        code[where[planes.owner]] = CODE["p_empty"]
+        cut = cut_two_faces(
+            regions, edges, planes, sets, rows.widest[kept], rows.pocket[kept], scale
+        )
+        phi = np.arcsin(sine_of_pair(regions.nhat_TB_B[cut.region[:, :2]]))
+        q_4 = q_orientation(phi, alpha[where[cut.owner]])
+        found = self._opposed_contacts(cut, q_4, np.ones_like(q_4), code, where, first)
+        return code, [found]
+
+    def _opposed_contacts(
+        self,
+        cut: Cut,
+        q_4: Array,
+        q_5: Array,
+        code: npt.NDArray[np.int8],
+        where: Ints,
+        first: int,
+    ) -> _Found:
+        best = _Valued(cut, q_4, q_5, self.scale).best()
+        cut, q_4, q_5 = cut.take(best), q_4[best], q_5[best]
+        spreads = SPREADS[:1] if self.method == "paper" else SPREADS
+        contacts = np.stack([opposed_contacts(cut, self.scale, spread) for spread in spreads], 1)
+        self._mark(code, where[cut.owner], contacts[:, 0], "wrong_order")
+        repeated = np.repeat(np.arange(len(q_4)), len(spreads))
+        return self._found(
+            cut.take(repeated),
+            contacts.reshape(-1, 3, 3),
+            q_4[repeated],
+            q_5[repeated],
+            where[cut.owner][repeated] + first,
+            is_parallel=True,
+        )
+
+    @staticmethod
+    def _mark(code: npt.NDArray[np.int8], where: Ints, contacts: Array, failure: str) -> None:
+        code[where] = np.where(has_contacts(contacts), UNJUDGED, CODE[failure])
+
+    def _found(
+        self,
+        cut: Cut,
+        contacts: Array,
+        q_4: Array,
+        q_5: Array,
+        set_index: Ints,
+        *,
+        is_parallel: bool,
+    ) -> _Found:
+        return _Found(
+            set_index,
+            cut.region,
+            np.full(len(set_index), is_parallel),
+            contacts,
+            cut.nhat_B,
+            cut.p_Bc,
+            cut.d_1,
+            cut.d_2,
+            cut.area_s,
+            cut.area_p,
+            q_4,
+            q_5,
+        )

@@ -1,0 +1,95 @@
+"""Section 6: the quality Q of a set of faces, equations 5 to 10.
+
+The text divides distances and areas by their maxima over all valid sets, so Q of a set depends on
+the others: it is 0 for a lone set and for every set of a symmetric object, and one outlier
+flattens q_2. `scale="object"` divides by rho instead, which selects as well and needs no second
+pass.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.planning.planar import dot
+from drake_polygrasp.polyhedron import ANGLE_TOLERANCE
+
+
+def q_orientation(phi: Array, alpha: Array) -> Array:
+    """q_4 (eq. 9): how close the extremes of n_i are to Pi_p; angles in rad, shape (M,)."""
+    return np.abs(1 - phi / alpha)
+
+
+def q_directions(nhat: Array, N: Array, *, parallel: bool) -> Array:
+    """q_5 (eq. 10) of triples: how evenly (or, for parallel sets, how exactly) normals oppose.
+
+    Args:
+        nhat: the sets' normals, shape (M, 3, 3).
+        N: unit normals of Pi_p, shape (M, 3).
+        parallel: which of eq. 10's two cases.
+
+    Returns:
+        shape (M,).
+    """
+    projected = nhat - dot(nhat, N[:, None])[..., None] * N[:, None]
+    side = np.linalg.norm(projected - np.roll(projected, 1, axis=1), axis=-1)
+    longest = side.max(axis=1)
+    ratio = side.min(axis=1) / np.where(longest > 0, longest, 1.0)
+    value = 1 - ratio if parallel else ratio
+    return np.where(_hull_has_origin(projected, N), value, 0.0)
+
+
+def _hull_has_origin(projected: Array, N: Array) -> Bools:
+    """Whether 0 is in the closed hull of three vectors orthogonal to N, with a tolerance.
+
+    Closed, because on a cube the origin is on the hull's border for every triple.
+    """
+    weight = np.stack(
+        [dot(N, np.cross(projected[:, (i + 1) % 3], projected[:, (i + 2) % 3])) for i in range(3)],
+        axis=1,
+    )
+    weight *= np.where(weight.sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+    spread = np.abs(weight.sum(axis=1)) > 3 * ANGLE_TOLERANCE
+    inside = (weight >= -ANGLE_TOLERANCE).all(axis=1)
+    # All three on one line through the origin: it is between them if two are opposed.
+    products = dot(projected, np.roll(projected, 1, axis=1)).min(axis=1)
+    flat: Bools = (np.abs(weight) <= ANGLE_TOLERANCE).all(axis=1) & (products <= 0)
+    has: Bools = np.where(spread, inside, flat)
+    return has
+
+
+def q_positions(
+    d_1: Array,
+    d_2: Array,
+    area_s: Array,
+    area_p: Array,
+    rho: float,
+    scale: Literal["paper", "object"],
+) -> Array:
+    """q_1, q_2, q_3 (eq. 6-8), shape (M, 3).
+
+    Args:
+        d_1: distance from c_I^s to c_m^s [m], shape (M,).
+        d_2: distance from c_I^p to c_m^p [m], shape (M,).
+        area_s: I^s [m^2], shape (M,).
+        area_p: I^p [m^2], shape (M,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        scale: what to divide by; with "paper", 0/0 counts as 1.
+    """
+    if scale == "object":
+        q_3 = (np.minimum(1, area_s / rho**2) + np.minimum(1, area_p / rho**2)) / 2
+        return np.column_stack([np.maximum(0, 1 - d_1 / rho), np.maximum(0, 1 - d_2 / rho), q_3])
+    q_1, q_2 = (
+        np.abs(_ratio(d.max(initial=0) - d, d.max(initial=0), 1e-9 * rho)) for d in (d_1, d_2)
+    )
+    q_3 = (
+        _ratio(area_s, area_s.max(initial=0), 0.0) + _ratio(area_p, area_p.max(initial=0), 0.0)
+    ) / 2
+    return np.column_stack([q_1, q_2, q_3])
+
+
+def _ratio(value: Array, greatest: float, zero: float) -> Array:
+    """Value over the greatest, 1 where the greatest is zero but for rounding."""
+    return value / greatest if greatest > zero else np.ones_like(value)

@@ -1,0 +1,170 @@
+"""Section 5 for two faces: R_maxT, the direction l_u, and the position of Pi_p.
+
+Departures from the text: when R_maxT is a hole of A_i it has no lid edge l_u, and a fan of
+directions stands in; which face holds two contacts is settled on the plane, before P, by 7.3's
+rule (region_p.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.planning.grasp_plane import (
+    TIE,
+    Planes,
+    fan_directions,
+    grouped_ties,
+    inset,
+    line_through,
+    opposed_planes,
+    ring_edges,
+)
+from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, dot, unit
+from drake_polygrasp.planning.position import Opposed
+from drake_polygrasp.polyhedron import ANGLE_TOLERANCE
+
+OVERLAP, FIRST, SECOND = 0, 1, 2  # R_maxT is A_12, R_1 or R_2
+
+
+@dataclass(frozen=True, eq=False)
+class Choices:
+    """Directions l_u for pairs of faces, one row each."""
+
+    owner: Ints
+    """Index of each row's pair, shape (R,)."""
+    direction: Array
+    """l_u in coordinates (u, v) of Pi_s, shape (R, 2)."""
+    widest: Ints
+    """Which region R_maxT is: OVERLAP, FIRST or SECOND, shape (R,)."""
+    pocket: Shapes
+    """The part of hull(A_i^s) - A_i^s that holds R_i; A_12 where R_maxT is A_12, shape (R,)."""
+
+
+def choices(sets: Opposed, scale: Scale) -> Choices:
+    """R_maxT and l_u; a pair whose three regions are all empty has no row."""
+    a, b = sets.faces[:, 0], sets.faces[:, 1]
+    hulls = shapely.convex_hull(sets.faces[:, :2])
+    overlap = shapely.intersection(a, b)
+    outside = shapely.difference(hulls, sets.faces[:, :2])
+    area = shapely.area(
+        np.stack(
+            [
+                overlap,
+                shapely.intersection(outside[:, 0], b),
+                shapely.intersection(outside[:, 1], a),
+            ],
+            axis=1,
+        )
+    )
+    widest = np.argmax(area >= area.max(axis=1, keepdims=True) - scale.area_slack, axis=1)
+    possible = area.max(axis=1) > scale.area_slack
+
+    rows = np.flatnonzero(possible & (widest == OVERLAP))
+    owner, direction = _longest_edges(overlap[rows], scale)
+    found = [Choices(rows[owner], direction, widest[rows[owner]], overlap[rows[owner]])]
+
+    rows = np.flatnonzero(possible & (widest != OVERLAP))
+    holder = widest[rows] - 1
+    pocket = _pockets(outside[rows, holder], sets.faces[rows, 1 - holder])
+    hull = hulls[rows, holder]
+    owner, lid = _lids(hull, pocket, scale)
+    found.append(Choices(rows[owner], lid, widest[rows[owner]], pocket[owner]))
+
+    holes = np.setdiff1d(np.arange(len(rows)), owner)
+    directions = fan_directions(hull[holes])
+    owner = np.repeat(holes, directions.shape[1])
+    found.append(
+        Choices(rows[owner], directions.reshape(-1, 2), widest[rows[owner]], pocket[owner])
+    )
+    return Choices(
+        *(
+            np.concatenate([getattr(part, name) for part in found])
+            for name in ("owner", "direction", "widest", "pocket")
+        )
+    )
+
+
+def _longest_edges(shapes: Shapes, scale: Scale) -> tuple[Ints, Array]:
+    """The longest edges of each shape, one of each direction: owners (R,), vectors (R, 2)."""
+    # An overlay leaves vertices in the middle of straight edges.
+    tail, head, owner = ring_edges(shapely.simplify(shapes, scale.length_slack))
+    edge = head - tail
+    best = grouped_ties(np.linalg.norm(edge, axis=1), owner, len(shapes), TIE * scale.diameter)
+    edge, owner = edge[best], owner[best]
+    turned = edge * np.where((edge[:, 1:] < 0) | ((edge[:, 1:] == 0) & (edge[:, :1] < 0)), -1, 1)
+    angle = np.arctan2(turned[:, 1], turned[:, 0])
+    angle = np.where(angle > np.pi - ANGLE_TOLERANCE, 0.0, angle)
+    order = np.lexsort((angle, owner))
+    angle, owner, edge = angle[order], owner[order], edge[order]
+    is_new = np.ones(len(owner), dtype=bool)
+    is_new[1:] = (np.diff(owner) > 0) | (np.diff(angle) > ANGLE_TOLERANCE)
+    return owner[is_new], edge[is_new]
+
+
+def _pockets(outside: Shapes, other: Shapes) -> Shapes:
+    """The part of hull(A_i) - A_i that overlaps the other face most, row by row."""
+    parts, owner = shapely.get_parts(outside, return_index=True)
+    area = shapely.area(shapely.intersection(parts, other[owner]))
+    order = np.lexsort((-area, owner))
+    pockets: Shapes = parts[order[np.searchsorted(owner[order], np.arange(len(outside)))]]
+    return pockets
+
+
+def _lids(hull: Shapes, pocket: Shapes, scale: Scale) -> tuple[Ints, Array]:
+    """Edges of the pockets that close them: owners (R,) and vectors (R, 2); none for a hole."""
+    # Not the hull's own edges, one of which may span several pockets of a comb.
+    tail, head, owner = ring_edges(pocket)
+    edge = head - tail
+    gap = shapely.distance(shapely.points((tail + head) / 2), shapely.boundary(hull)[owner])
+    length = np.where(gap <= scale.length_slack, np.linalg.norm(edge, axis=1), -np.inf)
+    lids = grouped_ties(length, owner, len(hull), 0.0)
+    lids = lids[np.unique(owner[lids], return_index=True)[1]]
+    return owner[lids], edge[lids]
+
+
+def two_face_planes(
+    edges: Boundary, sets: Opposed, rows: Choices, scale: Scale
+) -> tuple[Planes, Ints]:
+    """Planes Pi_p parallel to l_u, with their position; only those with R^s not empty.
+
+    Returns:
+        The planes, and the row of each in `rows`.
+    """
+    planes, kept = opposed_planes(edges, sets, rows.owner, rows.direction, scale)
+    on_overlap = np.flatnonzero(rows.widest[kept] == OVERLAP)
+    sets = sets.take(planes.owner[on_overlap])
+    N = planes.nhat_B[on_overlap]
+    # Heights along N of points (u, v) of Pi_s; N has no part along n_bs.
+    to_height = np.stack([dot(sets.u, N), dot(sets.v, N)], axis=1)
+    height = planes.height.copy()
+    height[on_overlap] = inset(
+        _height_in_overlap(sets, rows.pocket[kept][on_overlap], to_height, scale),
+        planes.low[on_overlap],
+        planes.high[on_overlap],
+    )
+    return replace(planes, height=height), kept
+
+
+def _height_in_overlap(sets: Opposed, overlap: Shapes, to_height: Array, scale: Scale) -> Array:
+    """Position of Pi_p when R_maxT = A_12: through c_m, the centroid of A_12, or the middle of L_c.
+
+    Returns:
+        N . p [m], shape (M,).
+    """
+    cm = np.stack([sets.u @ scale.p_BBcm, sets.v @ scale.p_BBcm], axis=1)
+    centroid = centroids(overlap)
+    has_cm = shapely.distance(overlap, shapely.points(cm)) <= scale.length_slack
+    has_centroid = shapely.distance(overlap, shapely.points(centroid)) <= scale.length_slack
+    point = np.where(has_cm[:, None], cm, centroid)
+
+    rest = np.flatnonzero(~has_cm & ~has_centroid)
+    L_c = line_through(centroid[rest], to_height[rest], scale)
+    pieces, owner = shapely.get_parts(shapely.intersection(overlap[rest], L_c), return_index=True)
+    order = np.lexsort((-shapely.length(pieces), owner))
+    longest = pieces[order[np.searchsorted(owner[order], np.arange(len(rest)))]]
+    point[rest] = centroids(longest)
+    return dot(point, unit(to_height))

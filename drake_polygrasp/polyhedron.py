@@ -1,0 +1,191 @@
+"""An object's exposed surface as planar faces, and the eroded regions of them that fingers may use.
+
+Section 2 of the paper: the object is a polyhedron with faces A_i and inward normals n_i, and no
+contact lies on an edge.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from drake_polygrasp.grasp import Array, Ints, frozen
+from drake_polygrasp.inradius import inradius
+
+ANGLE_TOLERANCE = 1e-9
+"""[rad], ours: what is smaller than this is a rounding error of a unit vector."""
+LENGTH_TOLERANCE = 1e-9
+"""Times the diameter L, ours: what is shorter is a rounding error of a coordinate."""
+SAME_NORMAL = 1e-6
+"""[rad], ours: normals within this are one normal."""
+FLATNESS = 1e-5
+"""Times the diameter L, ours: vertices this near a plane lie in it. Mesh files often carry six
+decimals, which leaves half a micrometre of noise per coordinate on objects of a decimetre."""
+DEFAULT_CLEARANCE = 0.01
+"""Times the diameter L, ours: how far contacts stay away from edges."""
+CLEARANCE_OF_INRADIUS = 0.2
+"""Times a face's inradius, ours: on small faces contacts stay away from edges only this far."""
+MIN_INRADIUS = 0.002
+"""Times the diameter L, ours: narrower faces are no place for a finger."""
+
+
+@dataclass(frozen=True, eq=False)
+class Face:
+    """A planar face of the exposed surface, possibly non-convex, possibly with holes.
+
+    Its frame F has its origin Fo on the face's plane and Fz the outward normal.
+    """
+
+    R_BF: Array
+    """Shape (3, 3), columns Fx, Fy, Fz."""
+    p_BF: Array
+    """[m], shape (3,)."""
+    polygon_F: shapely.Polygon
+    """The face in the coordinates of Fx and Fy [m]."""
+    mu: float
+
+    @property
+    def nhat_TB_B(self) -> Array:
+        """The paper's n_i: inward unit normal, shape (3,)."""
+        return frozen(-self.R_BF[:, 2])
+
+
+@dataclass(frozen=True, eq=False)
+class Polyhedron:
+    """Faces sorted by (outward normal, offset, centroid) rounded to 1e-9 L, and raw triangles."""
+
+    faces: tuple[Face, ...]
+    diameter: float
+    """L [m]: greatest distance between two vertices."""
+    triangles_B: Array
+    """All collision triangles of the body [m], shape (T, 3, 3), counter-clockwise from outside."""
+    triangle_face: Ints
+    """The face that each triangle shares most of its area with, -1 where it is wholly covered,
+    shape (T,)."""
+    watertight: bool = True
+    """Whether every shell of triangles is closed, so that the body has an inside."""
+
+
+@dataclass(frozen=True, eq=False)
+class Regions:
+    """The regions that erosion leaves of the faces: the planner's A_i, one row each.
+
+    Boundaries are ragged: region r has the closed rings `ring_offsets[region_offsets[r]:
+    region_offsets[r + 1] + 1]` into `p_BV`, the first of each Polygon its exterior.
+    """
+
+    polygon_F: npt.NDArray[np.object_]
+    """shapely Polygons in the coordinates of their face's frame F, shape (n,)."""
+    face: Ints
+    """Index of the face, shape (n,)."""
+    R_BF: Array
+    """Shape (n, 3, 3)."""
+    p_BF: Array
+    """[m], shape (n, 3)."""
+    nhat_TB_B: Array
+    """Inward unit normals, shape (n, 3)."""
+    mu: Array
+    """Shape (n,)."""
+    area: Array
+    """[m^2], shape (n,)."""
+    p_BV: Array
+    """Ring vertices, each ring's first repeated at its end [m], shape (V, 3)."""
+    ring_offsets: Ints
+    region_offsets: Ints
+    num_left_out: int
+    """Faces too narrow for a finger."""
+
+
+def surface_vertices(polyhedron: Polyhedron) -> Array:
+    """The vertices of all faces in B [m], with repetitions, shape (V, 3)."""
+    return np.concatenate(
+        [f.p_BF + shapely.get_coordinates(f.polygon_F) @ f.R_BF[:, :2].T for f in polyhedron.faces]
+    )
+
+
+def volume_centroid(polyhedron: Polyhedron) -> Array:
+    """The centroid of the enclosed volume in B [m], shape (3,), by the divergence theorem.
+
+    From the exposed surface, so that parts that overlap count once: the flux of x through the
+    faces is 3 V, that of x_i x is 4 V times the centroid.
+    """
+    about = surface_vertices(polyhedron).mean(axis=0)
+    nhat = np.array([face.R_BF[:, 2] for face in polyhedron.faces])
+    polygons = np.array([face.polygon_F for face in polyhedron.faces], dtype=object)
+    xy = shapely.get_coordinates(shapely.centroid(polygons))
+    p_BFc = np.array(
+        [f.p_BF + f.R_BF[:, :2] @ c for f, c in zip(polyhedron.faces, xy, strict=True)]
+    )
+    flux = np.einsum("ni,ni->n", p_BFc - about, nhat) * shapely.area(polygons)
+    return np.asarray(about + 3 / 4 * flux @ (p_BFc - about) / flux.sum())
+
+
+def is_convex(polyhedron: Polyhedron) -> bool:
+    """Whether the body is one convex solid: no vertex lies above any face."""
+    reach = FLATNESS * polyhedron.diameter
+    vertices = surface_vertices(polyhedron)
+    return all(
+        (vertices @ f.R_BF[:, 2]).max() <= f.R_BF[:, 2] @ f.p_BF + reach for f in polyhedron.faces
+    )
+
+
+def erode(
+    polyhedron: Polyhedron,
+    edge_clearance: float | None = None,
+    min_inradius: float | None = None,
+) -> Regions:
+    """The parts of the faces that lie `edge_clearance` [m] away from every edge.
+
+    This is the paper's security distance, applied once and before everything else. At reflex
+    corners the offset edges are extended to their intersection, which removes a little more than
+    the distance and keeps polygons simple. Faces with an inradius below `min_inradius` [m]
+    (default: `MIN_INRADIUS` L) are left out. The default clearance is, for each face, the lesser
+    of `DEFAULT_CLEARANCE` L and `CLEARANCE_OF_INRADIUS` times its inradius. Regions are sorted by
+    face, then centroid.
+    """
+    L = polyhedron.diameter
+    polygons = np.array([face.polygon_F for face in polyhedron.faces], dtype=object)
+    radius = inradius(polygons)
+    clearance = np.minimum(DEFAULT_CLEARANCE * L, CLEARANCE_OF_INRADIUS * radius)
+    if edge_clearance is not None:
+        clearance = np.full(len(radius), edge_clearance)
+    narrowest = MIN_INRADIUS * L if min_inradius is None else min_inradius
+    kept = np.flatnonzero((radius >= narrowest) & (radius > clearance))
+    eroded = shapely.buffer(polygons[kept], -clearance[kept], join_style="mitre")
+    parts, owner = shapely.get_parts(
+        shapely.simplify(eroded, LENGTH_TOLERANCE * L), return_index=True
+    )
+    solid = shapely.area(parts) > (LENGTH_TOLERANCE * L) ** 2
+    return _regions(polyhedron, parts[solid], kept[owner[solid]])
+
+
+def _regions(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], face: Ints) -> Regions:
+    R_BF = np.array([f.R_BF for f in polyhedron.faces])[face]
+    p_BF = np.array([f.p_BF for f in polyhedron.faces])[face]
+    mu = np.array([f.mu for f in polyhedron.faces])[face]
+    centroid = shapely.get_coordinates(shapely.centroid(polygons))
+    keys = np.round(centroid / (LENGTH_TOLERANCE * polyhedron.diameter))
+    order = np.lexsort((keys[:, 1], keys[:, 0], face))
+    polygons, face = shapely.orient_polygons(polygons[order]), face[order]
+    R_BF, p_BF, mu = R_BF[order], p_BF[order], mu[order]
+    xy, ring_offsets, region_offsets = np.empty((0, 2)), np.zeros(1, int), np.zeros(1, int)
+    if len(polygons):
+        _, xy, (ring_offsets, region_offsets) = shapely.to_ragged_array(polygons)
+    vertex_region = np.repeat(np.arange(len(face)), np.diff(ring_offsets[region_offsets]))
+    p_BV = p_BF[vertex_region] + np.einsum("vij,vj->vi", R_BF[vertex_region][:, :, :2], xy)
+    return Regions(
+        polygon_F=frozen(polygons, object),
+        face=frozen(face, np.int64),
+        R_BF=frozen(R_BF),
+        p_BF=frozen(p_BF),
+        nhat_TB_B=frozen(-R_BF[:, :, 2]),
+        mu=frozen(mu),
+        area=frozen(shapely.area(polygons)),
+        p_BV=frozen(p_BV),
+        ring_offsets=frozen(ring_offsets, np.int64),
+        region_offsets=frozen(region_offsets, np.int64),
+        num_left_out=len(polyhedron.faces) - len(np.unique(face)),
+    )

@@ -1,0 +1,111 @@
+"""What the shells of a body cover of a plane: sections (Section 2 of the paper).
+
+A solid covers, on a face's plane, its section by that plane moved outward by an infinitesimal
+amount. The section is exact, for in that limit vertices on the plane are simply below it: a shell
+that stands on the face covers its footprint, one that ends there covers nothing. Where shells
+overlap, they wind more than once around a point; inside is what they wind around at all.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.polyhedron import FLATNESS, LENGTH_TOLERANCE
+
+Polygons = npt.NDArray[np.object_]
+
+_CRACK = 1e-4
+"""Times L, ours: the shells that convex decomposition makes of one solid touch but for gaps and
+overlaps of this size."""
+
+
+class Mesh(NamedTuple):
+    """All shells of a body, outward; rows of `corners`, `shell` and `mu` are triangles."""
+
+    vertices: Array
+    """In B [m], shape (V, 3)."""
+    corners: Ints
+    """Vertex indices, shape (T, 3)."""
+    shell: Ints
+    mu: Array
+    low: Array
+    """Least corner of the bounding box of each shell, shape (S, 3)."""
+    high: Array
+    closed: Bools
+    """Whether each shell is watertight, shape (S,)."""
+    simple: Bools
+    """Whether each shell is a manifold, and so does not cover itself, shape (S,)."""
+
+
+class Plane(NamedTuple):
+    """A plane of faces, Fz outward."""
+
+    R_BF: Array
+    offset: float
+    """Of the plane along Fz [m]."""
+    triangles: Ints
+    """Those that lie in it."""
+
+
+def covered(mesh: Mesh, plane: Plane, shells: Ints, L: float) -> Polygons:
+    """The areas of the plane that `shells` cover, in the coordinates of Fx and Fy.
+
+    A shell with vertices almost on the plane, above or below, may stand on it but for a crack:
+    what it covers at the height of a crack counts too.
+    """
+    corners = mesh.corners[np.isin(mesh.shell, shells)]
+    xy = mesh.vertices @ plane.R_BF[:, :2]
+    height = mesh.vertices @ plane.R_BF[:, 2] - plane.offset
+    on_plane = np.where(np.abs(height) <= FLATNESS * L, 0, height)
+    areas = _section(corners, on_plane, xy, L)
+    almost = np.abs(height[corners])
+    if ((almost > LENGTH_TOLERANCE * L) & (almost < _CRACK * L)).any():
+        areas = np.concatenate([areas, _section(corners, height - _CRACK * L, xy, L)])
+    return areas
+
+
+def _section(corners: Ints, height: Array, xy: Array, L: float) -> Polygons:
+    """The section just above height 0."""
+    segments = _segments(corners, height, xy)
+    lines = shapely.linestrings(segments[(segments[:, 0] != segments[:, 1]).any(axis=1)])
+    grid = LENGTH_TOLERANCE * L
+    areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines, grid_size=grid)]))
+    points = shapely.get_coordinates(shapely.point_on_surface(areas))
+    areas = areas[_winding_number(points, segments) > 0]
+    return restore(areas, segments.reshape(-1, 2), grid)
+
+
+def restore(geometries: Polygons, vertices: Array, grid: float) -> Polygons:
+    """Undo what rounding to the grid, which makes overlays robust, did to given vertices (k, 2)."""
+    return np.asarray(shapely.snap(geometries, shapely.multipoints(vertices), 2 * grid))
+
+
+def _segments(corners: Ints, height: Array, xy: Array) -> Array:
+    """Where triangles cross height 0, with the inside on the left, shape (k, 2, 2)."""
+    above = height[corners] > 0
+    crossing = above.any(axis=1) != above.all(axis=1)
+    corners, above = corners[crossing], above[crossing]
+    lone_above = above.sum(axis=1) == 1
+    lone = np.argmax(above == lone_above[:, None], axis=1)[:, None]
+    ring = np.take_along_axis(corners, (lone + np.arange(3)) % 3, axis=1)
+    # From the lower vertex index to the higher, so that neighbours agree to the last bit.
+    start = np.minimum(ring[:, :1], ring[:, 1:])
+    end = np.maximum(ring[:, :1], ring[:, 1:])
+    along = (height[start] / (height[start] - height[end]))[..., None]
+    points = (1 - along) * xy[start] + along * xy[end]
+    return np.where(lone_above[:, None, None], points, points[:, ::-1])
+
+
+def _winding_number(points: Array, segments: Array) -> Ints:
+    """How often closed chains of segments (k, 2, 2) wind around the points (n, 2), shape (n,)."""
+    (ax, ay), (bx, by) = np.moveaxis(segments, 0, 2)
+    x, y = points[:, :1], points[:, 1:]
+    left = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
+    upward = (ay <= y) & (y < by) & (left > 0)
+    downward = (by <= y) & (y < ay) & (left < 0)
+    return np.asarray(upward.sum(axis=1) - downward.sum(axis=1))

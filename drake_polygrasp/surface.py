@@ -1,0 +1,207 @@
+"""From collision triangles to the faces of the exposed surface (Section 2 of the paper).
+
+A body is a union of closed shells. Triangles of one plane are merged into polygons, and what lies
+inside or against another shell is cut away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from drake_polygrasp.errors import ModelError
+from drake_polygrasp.grasp import Array, Bools, Ints, frozen
+from drake_polygrasp.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron
+from drake_polygrasp.sections import Mesh, Plane, Polygons, covered, restore
+from drake_polygrasp.triangles import diameter, oriented_shells, tidy, unit_normals, weld
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One collision geometry of a body."""
+
+    triangles_B: Array
+    """[m], shape (T, 3, 3), in any sense of rotation."""
+    mu: float
+
+
+def build_polyhedron(parts: Sequence[Part]) -> Polyhedron:
+    """The exposed surface of the union of `parts`, as planar faces.
+
+    A triangle joins a face when its vertices lie within `FLATNESS` L of the plane of the face's
+    largest triangle and their normals are not opposed. Faces of different friction are never
+    merged; where they coincide the lesser friction holds.
+
+    Raises ModelError when the parts enclose nothing.
+    """
+    if not sum(len(part.triangles_B) for part in parts):
+        raise ModelError("the collision geometry has no triangles")
+    L = diameter(np.concatenate([part.triangles_B.reshape(-1, 3) for part in parts]))
+    mesh = _mesh(parts, LENGTH_TOLERANCE * L)
+    triangles = mesh.vertices[mesh.corners]
+    faces: list[Face] = []
+    triangle_face = np.full(len(triangles), -1, dtype=np.int64)
+    for plane in _planes(triangles, L):
+        new = _exposed_faces(mesh, plane, L)
+        triangle_face[plane.triangles] = _largest_overlap(mesh, plane, new, len(faces))
+        faces.extend(new)
+    if not faces:
+        raise ModelError("the collision geometry encloses no volume")
+    rank = _order(faces, L)
+    position = np.append(np.argsort(rank), -1)
+    return Polyhedron(
+        faces=tuple(faces[k] for k in rank),
+        diameter=L,
+        triangles_B=frozen(triangles),
+        triangle_face=frozen(position[triangle_face], np.int64),
+        watertight=bool(mesh.closed.all()),
+    )
+
+
+def _mesh(parts: Sequence[Part], tolerance: float) -> Mesh:
+    vertices, corners = weld(np.concatenate([part.triangles_B for part in parts]), tolerance)
+    count = 0
+    rows: list[tuple[Ints, Ints, Array]] = []
+    kinds: list[tuple[Bools, Bools]] = []
+    for part in parts:
+        own, corners = np.split(corners, [len(part.triangles_B)])
+        shells = oriented_shells(vertices, own)
+        rows.append((shells.corners, shells.shell + count, np.full(len(shells.corners), part.mu)))
+        kinds.append((shells.closed, shells.simple))
+        count += len(shells.closed)
+    corners, shell, mu = (np.concatenate(x) for x in zip(*rows, strict=True))
+    closed, simple = (np.concatenate(x) for x in zip(*kinds, strict=True))
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, shell, vertices[corners].min(axis=1))
+    np.maximum.at(high, shell, vertices[corners].max(axis=1))
+    return Mesh(vertices, corners, shell, mu, low, high, closed, simple)
+
+
+def _planes(triangles: Array, L: float) -> list[Plane]:
+    """Planes by descending area of their largest triangle; needles without area have none."""
+    nhat, area = unit_normals(triangles)
+    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    alive = area > LENGTH_TOLERANCE * L * longest
+    planes: list[Plane] = []
+    corner = np.ascontiguousarray(triangles[:, 0])
+    for seed in np.argsort(-area, kind="stable"):
+        if not alive[seed]:
+            continue
+        level = corner[seed] @ nhat[seed]
+        near = np.flatnonzero(alive & (np.abs(corner @ nhat[seed] - level) <= FLATNESS * L))
+        flat = np.abs(triangles[near] @ nhat[seed] - level).max(axis=1) <= FLATNESS * L
+        joined = near[(flat & (nhat[near] @ nhat[seed] > 0)) | (near == seed)]
+        alive[joined] = False
+        weight = area[joined] / area[joined].sum()
+        R_BF = face_frame(weight @ nhat[joined])
+        offset = float(weight @ triangles[joined].mean(axis=1) @ R_BF[:, 2])
+        planes.append(Plane(R_BF, offset, joined))
+    return planes
+
+
+def face_frame(normal: Array) -> Array:
+    """R_BF (3, 3) with Fz along `normal`, and Fx near the body axis most nearly in the plane.
+
+    So the axes of an axis-aligned face are axis-aligned.
+    """
+    Fz = tidy(normal)
+    axis = np.eye(3)[np.argmin(np.round(np.abs(Fz), 9))]
+    Fx = tidy(axis - Fz * (axis @ Fz))
+    return np.stack([Fx, tidy(np.cross(Fz, Fx)), Fz], axis=1)
+
+
+def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
+    """The faces on one plane, in order of friction."""
+    corners, mu = mesh.corners[plane.triangles], mesh.mu[plane.triangles]
+    xy = mesh.vertices @ plane.R_BF[:, :2]
+    pieces = shapely.polygons(xy[corners])
+    near = _shells_near(mesh, mesh.vertices[corners].reshape(-1, 3), FLATNESS * L)
+    alone = len(near) == 1 and mesh.simple[near[0]]
+    if alone and len(pieces) == 1:
+        return [_face(plane, pieces[0], mu[0])]
+    cover = _NOTHING if alone else covered(mesh, plane, near, L)
+    vertices = np.concatenate([xy[corners].reshape(-1, 2), shapely.get_coordinates(cover)])
+    grid = LENGTH_TOLERANCE * L
+    taken = shapely.union_all(cover, grid_size=grid)
+    faces: list[Face] = []
+    for value in np.unique(mu):
+        own = shapely.union_all(pieces[mu == value], grid_size=grid)
+        free = shapely.difference(own, taken, grid_size=grid)
+        taken = shapely.union_all(_areas([taken, own]), grid_size=grid)
+        free = restore(_areas([free]), vertices, grid)
+        faces += [_face(plane, polygon, value) for polygon in _tidy_polygons(free, L)]
+    return faces
+
+
+_NOTHING: Polygons = np.empty(0, dtype=object)
+
+
+def _shells_near(mesh: Mesh, points: Array, reach: float) -> Ints:
+    """Shells whose bounding box meets that of the points."""
+    low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
+    return np.flatnonzero(((mesh.low <= high) & (mesh.high >= low)).all(axis=1))
+
+
+def _face(plane: Plane, polygon: shapely.Polygon, mu: float) -> Face:
+    """Fo is the point of the plane nearest to Bo."""
+    p_BF = plane.offset * plane.R_BF[:, 2]
+    return Face(frozen(plane.R_BF), frozen(p_BF), polygon, float(mu))
+
+
+def _areas(geometries: Sequence[shapely.Geometry]) -> Polygons:
+    """Their polygons, without the points and lines that overlays leave where areas touch."""
+    parts = shapely.get_parts(shapely.get_parts(np.asarray(geometries, dtype=object)))
+    return np.asarray(parts[shapely.get_dimensions(parts) == 2])
+
+
+def _tidy_polygons(polygons: Polygons, L: float) -> list[shapely.Polygon]:
+    """Without collinear vertices, nor polygons or holes narrower than 2 `FLATNESS` L."""
+    tidied: list[shapely.Polygon] = []
+    for part in polygons[_wide(polygons, L)]:
+        holes = shapely.polygons(np.array(part.interiors, dtype=object))
+        shell, *rest = (_corners(ring, L) for ring in [part.exterior, *part.interiors])
+        kept = [ring for ring, wide in zip(rest, _wide(holes, L), strict=True) if wide]
+        tidied.append(shapely.orient_polygons(shapely.Polygon(shell, kept)))
+    return tidied
+
+
+def _wide(polygons: Polygons, L: float) -> Bools:
+    eroded = shapely.buffer(polygons, -FLATNESS * L, join_style="mitre")
+    return ~np.asarray(shapely.is_empty(eroded), dtype=bool)
+
+
+def _corners(ring: shapely.LinearRing, L: float) -> shapely.LinearRing:
+    """The ring from a true corner on, without vertices within `FLATNESS` L of the others' line."""
+    vertices = shapely.get_coordinates(ring)[:-1]
+    from_middle = np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)
+    # The farthest vertex lies on no line between two others, so simplifying may start there.
+    start = np.argmax(np.round(from_middle / (LENGTH_TOLERANCE * L)))
+    vertices = np.roll(vertices, -start, axis=0)
+    return shapely.simplify(shapely.LinearRing(vertices), FLATNESS * L)
+
+
+def _largest_overlap(mesh: Mesh, plane: Plane, faces: list[Face], first: int) -> Ints:
+    """The face, numbered from `first`, that shares most area with each triangle of the plane."""
+    if not faces or len(plane.triangles) == 1:
+        return np.full(len(plane.triangles), first if faces else -1, dtype=np.int64)
+    xy = mesh.vertices @ plane.R_BF[:, :2]
+    triangles = shapely.polygons(xy[mesh.corners[plane.triangles]])
+    polygons = np.array([face.polygon_F for face in faces], dtype=object)
+    shared = shapely.area(shapely.intersection(triangles[:, None], polygons))
+    negligible = shared.max(axis=1) <= LENGTH_TOLERANCE * shapely.area(triangles)
+    return np.where(negligible, -1, first + np.argmax(shared, axis=1))
+
+
+def _order(faces: list[Face], L: float) -> Ints:
+    """Faces by outward normal, offset and centroid, so that the file's order does not matter."""
+    R_BF = np.array([face.R_BF for face in faces])
+    centroid = shapely.centroid(np.array([face.polygon_F for face in faces], dtype=object))
+    p_BF = np.array([face.p_BF for face in faces])
+    centroid_B = p_BF + np.einsum("nij,nj->ni", R_BF[:, :, :2], shapely.get_coordinates(centroid))
+    nhat = R_BF[:, :, 2]
+    offset = np.einsum("ni,ni->n", nhat, p_BF)[:, None]
+    keys = np.column_stack([nhat, offset / L, centroid_B / L])
+    return np.lexsort(np.round(keys / LENGTH_TOLERANCE).T[::-1])

@@ -1,0 +1,192 @@
+"""What the command line prints: tables for people, plain documents for machines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drake_polygrasp.errors import UsageError
+
+if TYPE_CHECKING:
+    from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+    from drake_polygrasp.pipeline import Explanation, GraspPlan
+    from drake_polygrasp.verification import Report
+
+MEANING = {
+    "certified": ("all", "a grasp was built and proved"),
+    "orientation": ("faces (4)", "the normals cannot oppose each other with this friction"),
+    "rl_empty": ("faces (4)", "no point lies over all three along their normals (R^l is empty)"),
+    "rs_empty": ("faces (4, 5)", "no height is common to the faces (R^s is empty)"),
+    "not_opposed": ("faces (4)", "the faces do not lie opposite each other"),
+    "no_direction": ("plane (5)", "no direction of the grasp plane meets all faces"),
+    "p_empty": ("plane (5, 6)", "forces on the cut faces have no common point (P is empty)"),
+    "off_face": ("contacts (7)", "a contact would lie off its face"),
+    "wrong_order": ("contacts (7)", "the lone contact would not lie between the other two"),
+    "collinear": ("contacts (7)", "the contacts would lie on one line"),
+    "tip_blocked": ("fingertips", "a fingertip has no room"),
+    "not_force_closure": ("proof", "the contacts do not hold the object"),
+    "undecided": ("proof", "neither proved to hold nor proved not to"),
+    "not_evaluated": ("search", "cannot be among the best, so it was not evaluated"),
+}
+"""What ended a set of faces: the step, with its section in the paper, and a sentence."""
+
+
+def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
+    """The grasps, one a row, best first."""
+    header = ("rank", "faces", "kind", "Q", "margin", "epsilon", "mu_min", "placement", "squeeze")
+    units = ("", "", "", "", "", "", "", "[mm]", "[N]")
+    rows = [_grasp_row(rank, grasp) for rank, grasp in enumerate(plan.grasps, start=1)]
+    return "\n".join(
+        [
+            f"{model}: {len(object_.polyhedron.faces)} faces, {plan.num_sets} sets of faces, "
+            f"{plan.num_certified} certified",
+            *_aligned([header, units, *rows]),
+            f"wrote {output}",
+        ]
+    )
+
+
+def _grasp_row(rank: int, certified: CertifiedGrasp) -> tuple[str, ...]:
+    grasp, certificate = certified.grasp, certified.certificate
+    squeeze = certificate.squeeze_force
+    return (
+        str(rank),
+        " ".join(map(str, grasp.faces)),
+        grasp.kind,
+        "-" if grasp.quality is None else f"{grasp.quality.Q:.3f}",
+        f"{certificate.margin:.3f}",
+        f"{certificate.epsilon_lower:.4f}-{certificate.epsilon_upper:.4f}",
+        f"{certificate.mu_min:.4f}",
+        f"{1e3 * certificate.placement_tolerance:.2f}",
+        "-" if squeeze is None else f"{squeeze:.1f}",
+    )
+
+
+def no_grasp_message(model: str, plan: GraspPlan, output: Path) -> str:
+    """That nothing is certified, why, and what might mend it."""
+    reasons = ", ".join(f"{count} {reason}" for reason, count in plan.reasons.items())
+    left = f"{output} is left as it was" if output.exists() else "no file is written"
+    return (
+        f"{model}: no certified grasp among {plan.num_sets} sets of faces ({reasons}); {left}"
+        f"{_friction_hint(plan.mu_needed)}"
+    )
+
+
+def _friction_hint(mu_needed: float | None) -> str:
+    if mu_needed is None:
+        return ""
+    return f"; the first set of faces passes orientation at a friction above {mu_needed:.4f}"
+
+
+def verify_table(report: Report) -> str:
+    """One row a grasp, and below it a sentence for each line that has something to say."""
+    rows = [
+        (str(rank), *(str(line.status) for line in grasp.lines.values()))
+        for rank, grasp in enumerate(report.grasps, start=1)
+    ]
+    remarks = [
+        f"grasp {rank}, {name}: {line.reason}"
+        for rank, grasp in enumerate(report.grasps, start=1)
+        for name, line in grasp.lines.items()
+        if line.reason
+    ]
+    summary = "all that was checked holds" if report.holds else "something does not hold"
+    return "\n".join(
+        [
+            f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",
+            *_aligned([("rank", "FORCES", "SURFACE", "NUMBERS"), *rows]),
+            *remarks,
+            summary if rows else "the file holds no grasp",
+        ]
+    )
+
+
+def verify_document(report: Report, holds: bool) -> dict[str, Any]:
+    """The report for machines."""
+    return {
+        "file": str(report.path),
+        "holds": holds,
+        "model_checked": report.model_checked,
+        "warnings": list(report.warnings),
+        "grasps": [
+            {
+                name: {"status": str(line.status), "reason": line.reason}
+                for name, line in grasp.lines.items()
+            }
+            for grasp in report.grasps
+        ],
+    }
+
+
+def explain_document(
+    model: str, object_: GraspObject, explanation: Explanation, faces: Sequence[int] | None
+) -> dict[str, Any]:
+    """Every set of faces and its reason, or only the sets of the faces asked for.
+
+    Raises:
+        UsageError: when no set has these faces.
+    """
+    wanted = None if faces is None else sorted(set(faces))
+    sets = [
+        {"faces": row, "reason": str(reason)}
+        for row, reason in zip(
+            _distinct(explanation.faces.tolist()), explanation.reasons, strict=True
+        )
+        if wanted is None or row == wanted
+    ]
+    if wanted is not None and not sets:
+        raise UsageError(
+            f"{model}: no set of faces {','.join(map(str, wanted))} wide enough for fingers; "
+            f"its faces are 0 to {len(object_.polyhedron.faces) - 1}"
+        )
+    return {
+        "model": model,
+        "num_faces": len(object_.polyhedron.faces),
+        "num_sets": len(explanation.reasons),
+        "reasons": dict(explanation.counts),
+        "mu_needed": explanation.mu_needed,
+        "sets": sets,
+    }
+
+
+def _distinct(sets: list[list[int]]) -> list[list[int]]:
+    return [sorted({face for face in row if face >= 0}) for row in sets]
+
+
+def all_sets_table(document: Mapping[str, Any]) -> str:
+    """How many sets of faces end with each reason."""
+    rows = [(str(n), reason, *MEANING[reason]) for reason, n in document["reasons"].items()]
+    lines = [_head(document), *_aligned([("sets", "reason", "step", "meaning"), *rows])]
+    if not document["reasons"].get("certified"):
+        lines.append(f"no certified grasp{_friction_hint(document['mu_needed'])}")
+    return "\n".join(lines)
+
+
+def one_set_table(document: Mapping[str, Any]) -> str:
+    """The end of each set of the faces asked for, one row a set of their regions."""
+    rows = [
+        (",".join(map(str, item["faces"])), item["reason"], *MEANING[item["reason"]])
+        for item in document["sets"]
+    ]
+    return "\n".join([_head(document), *_aligned([("faces", "reason", "step", "meaning"), *rows])])
+
+
+def _head(document: Mapping[str, Any]) -> str:
+    return (
+        f"{document['model']}: {document['num_faces']} faces, {document['num_sets']} sets of faces"
+    )
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows as lines: columns of numbers stand on the right, text on the left."""
+    columns = list(zip(*rows, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    numeric = [not column[-1][:1].isalpha() and "," not in column[-1] for column in columns]
+    return [
+        "  ".join(
+            cell.rjust(width) if right else cell.ljust(width)
+            for cell, width, right in zip(row, widths, numeric, strict=True)
+        ).rstrip()
+        for row in rows
+    ]
