@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: all that was asked for holds; something does not, or nothing was found; the input or
 the usage is wrong; stopped from the keyboard."""
+MAX_FRICTION, MAX_LENGTH = 100.0, 1000.0
+"""Ours: coefficients and lengths [m] beyond these are slips of the pen."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -41,18 +43,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     except Exception as error:
         description = " ".join(f"{type(error).__name__}: {error}".split())
         return _complain(f"internal error ({description}); please report it", BAD_INPUT)
-    _print(text)
-    return int(code)
+    return _print(text, code)
 
 
-def _print(text: str) -> None:
-    """Prints the result; who closes the pipe early has read enough."""
+def _print(text: str, code: int) -> int:
+    """Prints the result and passes the code on; who closes the pipe early has read enough."""
     try:
         if text:
             print(text, flush=True)
-    except BrokenPipeError:
+    except OSError as error:
         # Python flushes once more on leaving.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            return _complain(f"standard output: {error.strerror}", BAD_INPUT)
+    return code
 
 
 def _complain(message: str, code: int) -> int:
@@ -77,6 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_plan(commands)
     _add_verify(commands)
     _add_explain(commands)
+    _add_show(commands)
     return parser
 
 
@@ -88,7 +93,7 @@ def _add_command(
     return parser
 
 
-def _add_common_options(parser: argparse.ArgumentParser) -> None:
+def _add_package_path(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--package-path",
         metavar="DIR",
@@ -96,6 +101,10 @@ def _add_common_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="folder to search for the packages of package:// URIs (may be repeated)",
     )
+
+
+def _add_common_options(parser: argparse.ArgumentParser) -> None:
+    _add_package_path(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object for machines")
 
 
@@ -106,7 +115,7 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--body", metavar="NAME", help="the body to grasp, where there are several")
     parser.add_argument(
         "--mu",
-        type=_positive,
+        type=_friction,
         help="friction coefficient of all contacts (default: the model's, the lesser of static "
         "and dynamic; 0.3 where it states none)",
     )
@@ -119,14 +128,14 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--edge-clearance",
         metavar="M",
-        type=_not_negative,
+        type=_length,
         help="least distance of a contact from its face's edges [m] (default: the lesser of "
         "1 percent of the object's diameter and a fifth of the face's inradius)",
     )
     parser.add_argument(
         "--tip-radius",
         metavar="M",
-        type=_not_negative,
+        type=_length,
         help="radius of the fingertips that need room [m] (default: 2 percent of the object's "
         "diameter; 0: points)",
     )
@@ -184,28 +193,41 @@ def _add_explain(commands: Any) -> None:
     _add_common_options(parser)
 
 
-def _number(text: str) -> float:
+def _add_show(commands: Any) -> None:
+    parser = _add_command(
+        commands, "show", _show, "Show in 3-D what a grasp file states, or what is planned now."
+    )
+    parser.add_argument("name", metavar="FILE|MODEL", help="a grasp file, or what Drake reads")
+    parser.add_argument(
+        "--html",
+        metavar="OUT.html",
+        type=Path,
+        help="write a page that opens offline (default: serve Meshcat until Ctrl-C)",
+    )
+    parser.add_argument("--body", metavar="NAME", help="the body of MODEL, where there are several")
+    parser.add_argument("--mu", type=_friction, help="friction for MODEL (default: as in plan)")
+    _add_package_path(parser)
+
+
+def _number(text: str, most: float) -> float:
     try:
         number = float(text)
     except ValueError:
         number = math.nan
-    if not math.isfinite(number):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    if not 0 <= number <= most:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 to {most:g}")
     return number
 
 
-def _positive(text: str) -> float:
-    number = _number(text)
-    if number <= 0:
-        raise argparse.ArgumentTypeError(f"{text} is not positive")
+def _friction(text: str) -> float:
+    number = _number(text, MAX_FRICTION)
+    if number == 0:
+        raise argparse.ArgumentTypeError("without friction there is no grasp")
     return number
 
 
-def _not_negative(text: str) -> float:
-    number = _number(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"{text} is negative")
-    return number
+def _length(text: str) -> float:
+    return _number(text, MAX_LENGTH)
 
 
 def _count(text: str) -> int:
@@ -257,7 +279,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
         override = {} if arguments.mu is None else {"mu": arguments.mu}
         save_grasps(output, object_, plan.grasps, plan.settings | override)
     else:
-        _complain(no_grasp_message(arguments.model, plan, output), FAILED)
+        _complain(no_grasp_message(arguments.model, object_, plan, output), FAILED)
     code = DONE if plan.grasps else FAILED
     if not arguments.json:
         return code, plan_table(arguments.model, object_, plan, output) if plan.grasps else ""
@@ -312,6 +334,29 @@ def _explain(arguments: argparse.Namespace) -> tuple[int, str]:
     document = explain_document(arguments.model, object_, explanation, arguments.set)
     table = one_set_table if arguments.set else all_sets_table
     return DONE, _json(document) if arguments.json else table(document)
+
+
+def _show(arguments: argparse.Namespace) -> tuple[int, str]:
+    from drake_polygrasp.visualization.show import is_model, serve, write_page
+
+    name, options = arguments.name, {"package_paths": arguments.package_path}
+    kind = "model" if is_model(name) else "file"
+    if kind == "model":
+        options |= {"body_name": arguments.body, "mu": arguments.mu}
+    elif arguments.body is not None or arguments.mu is not None:
+        raise UsageError(f"{name}: a grasp file states its body and friction; leave them out")
+    maker = f"drake_polygrasp.visualization.show:exhibit_{kind}"
+    exhibit, _ = call_in_child(maker, name, **options)
+    _warn(exhibit.object_.warnings)
+    code = DONE
+    if not exhibit.grasps:
+        code = _complain(f"{name}: no grasp to show, only the object", FAILED)
+    if arguments.html is not None:
+        write_page(exhibit, arguments.html, PurePath(name).name)
+        return code, f"wrote {arguments.html}"
+    for line in serve(exhibit):
+        code = _print(line, code)
+    return code, ""
 
 
 def _json(document: dict[str, Any]) -> str:

@@ -6,6 +6,7 @@ keys are allowed, so that the format may grow.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -100,7 +101,8 @@ def save_grasps(
     """Writes a grasp file, whole or not at all: the same arguments give the same bytes.
 
     Raises:
-        GraspFileError: when `object_` came from no file, or `path` cannot be written.
+        GraspFileError: when `object_` came from no file, a number is not finite, or `path` cannot
+            be written.
     """
     path = Path(path)
     if object_.source is None:
@@ -194,13 +196,19 @@ def _object_document(object_: GraspObject, source: ModelSource, folder: Path) ->
 
 
 def _plain(value: Any) -> Any:
-    """`value` with NumPy's types and tuples replaced by Python's floats and lists."""
+    """`value` with NumPy's types and tuples replaced by Python's floats and lists.
+
+    Raises:
+        GraspFileError: for a number that is not finite, which the format does not know.
+    """
     if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
+        return _plain(value.tolist())
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise GraspFileError(f"a grasp file holds finite numbers, not {value}")
     return value
 
 

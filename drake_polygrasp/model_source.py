@@ -115,7 +115,11 @@ def resolve(uri: str, folder: Path, packages: PackageMap) -> Path:
 
 
 def read_model_files(model_file: Path, packages: PackageMap) -> ModelFiles:
-    """Follow includes and collision meshes; ModelError when a document is missing or malformed."""
+    """Follow includes and collision meshes.
+
+    Raises ModelError when a document is missing or malformed, or for the size of a box that Drake
+    would replace by its own.
+    """
     files = ModelFiles(model_file)
     _read_document(model_file, packages, files)
     return files
@@ -172,6 +176,14 @@ def _read_sdf_or_urdf(
             for mesh in element.iter("mesh"):
                 uri = mesh.get("filename") or mesh.findtext("uri") or ""
                 files.meshes[resolve(uri, path.parent, packages)] = None
+            for box in element.iter("box"):
+                _check_size(box if root.tag == "robot" else box.find("size"), path)
+
+
+def _check_size(element: ElementTree.Element | None, path: Path) -> None:
+    numbers = [] if element is None else _numbers(element, "size")
+    if len(numbers) != 3 or not all(number > 0 for number in numbers):
+        raise ModelError(f"{path}: the size of a collision box must be three numbers above 0")
 
 
 def _read_mjcf(
@@ -191,48 +203,38 @@ def _read_mjcf(
 def read_statements(files: ModelFiles, link_name: str) -> Statements:
     """What the files say of the link; where several bear the name, what all of them say.
 
-    Raises ModelError for a mass or a box size that Drake would replace by its own.
+    Raises ModelError for a mass that Drake would replace by its own.
     """
     found: list[Statements] = []
     for path, root in files.documents.items():
-        if root is None:
-            continue
-        for link in root.iter("body" if root.tag == "mujoco" else "link"):
-            if link.get("name") == link_name:
-                is_mjcf = root.tag == "mujoco"
-                found.append((_mjcf_body if is_mjcf else _sdf_or_urdf_link)(link, root, path))
+        if root is not None and root.tag == "mujoco":
+            bodies = [body for body in root.iter("body") if body.get("name") == link_name]
+            found += [_mjcf_body(body, root) for body in bodies]
+        elif root is not None:
+            links = [link for link in root.iter("link") if link.get("name") == link_name]
+            found += [_sdf_or_urdf_link(link, path) for link in links]
     if len(found) == 1:
         return found[0]
     friction = [stated for one in found for stated in one.friction]
-    return Statements(bool(found) and all(one.mass for one in found), (all(friction),))
+    stated = bool(friction) and all(friction)
+    return Statements(bool(found) and all(one.mass for one in found), (stated,))
 
 
-def _sdf_or_urdf_link(
-    link: ElementTree.Element, root: ElementTree.Element, path: Path
-) -> Statements:
-    name = link.get("name")
+def _sdf_or_urdf_link(link: ElementTree.Element, path: Path) -> Statements:
     inertial = link.find("inertial")
     mass = None if inertial is None else inertial.find("mass")
-    if mass is not None and not all(m > 0 for m in _numbers(mass, "value")):
-        raise ModelError(f"{path}: link '{name}' has a mass that is not above 0")
+    if mass is not None and not all(number > 0 for number in _numbers(mass, "value")):
+        raise ModelError(f"{path}: link '{link.get('name')}' has a mass that is not above 0")
     automatic = inertial is not None and inertial.get("auto") == "true"
-    friction = []
-    for collision in link.iter("collision"):
-        for box in collision.iter("box"):
-            size = box if root.tag == "robot" else box.find("size")
-            numbers = [] if size is None else _numbers(size, "size")
-            if len(numbers) != 3 or not all(number > 0 for number in numbers):
-                raise ModelError(
-                    f"{path}: link '{name}' has a collision box whose size is not three numbers "
-                    "above 0"
-                )
-        friction.append(any(element.tag in _FRICTION_TAGS for element in collision.iter()))
+    friction = (
+        any(element.tag in _FRICTION_TAGS for element in collision.iter())
+        for collision in link.iter("collision")
+    )
     return Statements(mass is not None or automatic, tuple(friction))
 
 
-def _mjcf_body(body: ElementTree.Element, root: ElementTree.Element, path: Path) -> Statements:
+def _mjcf_body(body: ElementTree.Element, root: ElementTree.Element) -> Statements:
     """MJCF always means a mass, of its default density; friction may come from its defaults."""
-    del path
     default = any(geom.get("friction") for d in root.iter("default") for geom in d.iter("geom"))
     friction = tuple(default or bool(geom.get("friction")) for geom in body.findall("geom"))
     return Statements(True, friction)

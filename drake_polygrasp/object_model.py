@@ -8,7 +8,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import (
@@ -26,12 +28,13 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import PackageMap, Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
 from drake_polygrasp.errors import ModelError, PolygraspError, UsageError
 from drake_polygrasp.grasp import Array, GraspObject, ModelSource, frozen
 from drake_polygrasp.mesh_file import check_mesh_file
 from drake_polygrasp.model_source import (
+    ModelFiles,
     Statements,
     find_packages,
     is_uri,
@@ -40,13 +43,36 @@ from drake_polygrasp.model_source import (
     read_model_files,
     read_statements,
 )
-from drake_polygrasp.polyhedron import Polyhedron, surface_vertices, volume_centroid
+from drake_polygrasp.polyhedron import FLATNESS, Polyhedron, surface_vertices, volume_centroid
 from drake_polygrasp.surface import Part, build_polyhedron
+from drake_polygrasp.triangles import unit_normals
 
-__all__ = ["DEFAULT_MU", "load_object", "model_digest"]
+__all__ = ["DEFAULT_MU", "Solid", "load_object", "load_solid", "model_digest"]
 
 DEFAULT_MU = 0.3
 """The paper's own coefficient, for models that state none."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A body as its model has it."""
+
+    M_BBo_B: SpatialInertia
+    """About Bo, expressed in B."""
+    parts: tuple[tuple[Shape, RigidTransform], ...]
+    """Each collision geometry G's shape and pose X_BG."""
+    is_hulls: bool
+    """Whether each part is its own convex hull, which is what point contact makes of a Mesh."""
+
+
+class _Opened(NamedTuple):
+    """What a model file holds, the body that was asked for, and what Drake warned of."""
+
+    files: ModelFiles
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    body: RigidBody
+    warnings: list[str]
 
 
 def load_object(
@@ -69,13 +95,7 @@ def load_object(
     """
     if mu is not None and not (np.isfinite(mu) and mu > 0):
         raise UsageError(f"the friction given for {model_file} is {mu}; it must be above 0")
-    packages = find_packages(model_file, package_paths)
-    files = read_model_files(locate(model_file, packages), packages)
-    for mesh in files.meshes:
-        check_mesh_file(mesh)
-    with _drake_warnings() as warnings, _blaming(files.model_file):
-        plant, scene_graph = _parse(files.model_file, packages)
-    body = _choose_body(plant, body_name, files.model_file)
+    files, plant, scene_graph, body, warnings = _open(model_file, body_name, package_paths)
     statements = read_statements(files, body.name())
     where = f"{files.model_file}: body '{body.name()}'"
     inspector = scene_graph.model_inspector()
@@ -106,6 +126,44 @@ def load_object(
     )
 
 
+def load_solid(source: ModelSource, package_paths: Sequence[str | Path] = ()) -> Solid:
+    """The body that an object came from, read again, for plants of our own.
+
+    Raises ModelError as `load_object` does.
+    """
+    body_name = f"{source.model_name}::{source.body_name}"
+    _, plant, scene_graph, body, _ = _open(source.model_file, body_name, package_paths)
+    inspector = scene_graph.model_inspector()
+    parts = tuple(
+        (inspector.GetShape(geometry).Clone(), inspector.GetPoseInFrame(geometry))
+        for geometry in plant.GetCollisionGeometriesForBody(body)
+    )
+    return Solid(
+        body.default_spatial_inertia(), parts, all(_is_hull(_triangles_B(*part)) for part in parts)
+    )
+
+
+def _is_hull(triangles: Array) -> bool:
+    """Whether no vertex lies above any of the triangles, shape (T, 3, 3)."""
+    nhat, _ = unit_normals(triangles)
+    vertices = triangles.reshape(-1, 3)
+    height = vertices @ nhat.T - np.einsum("ti,ti->t", triangles[:, 0], nhat)
+    return bool(height.max() <= FLATNESS * np.ptp(vertices, axis=0).max())
+
+
+def _open(
+    model_file: str | Path, body_name: str | None, package_paths: Sequence[str | Path]
+) -> _Opened:
+    packages = find_packages(model_file, package_paths)
+    files = read_model_files(locate(model_file, packages), packages)
+    for mesh in files.meshes:
+        check_mesh_file(mesh)
+    with _drake_warnings() as warnings, _blaming(files.model_file):
+        plant, scene_graph = _parse(files.model_file, packages)
+    body = _choose_body(plant, body_name, files.model_file)
+    return _Opened(files, plant, scene_graph, body, warnings)
+
+
 @contextmanager
 def _blaming(where: Path | str) -> Iterator[None]:
     """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors."""
@@ -114,7 +172,7 @@ def _blaming(where: Path | str) -> Iterator[None]:
     except PolygraspError:
         raise
     except (Exception, SystemExit) as error:
-        raise ModelError(f"{where}: Drake cannot load it: {error}") from error
+        raise ModelError(f"{where}: Drake cannot load it: {str(error).strip()}") from error
 
 
 @contextmanager

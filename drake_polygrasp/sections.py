@@ -76,8 +76,8 @@ def _section(corners: Ints, height: Array, xy: Array, L: float) -> Polygons:
     grid = LENGTH_TOLERANCE * L
     areas = shapely.get_parts(shapely.polygonize([shapely.union_all(lines, grid_size=grid)]))
     points = shapely.get_coordinates(shapely.point_on_surface(areas))
-    areas = areas[_winding_number(points, segments) > 0]
-    return restore(areas, segments.reshape(-1, 2), grid)
+    solid = shapely.coverage_union_all(areas[_winding_number(points, segments) > 0])
+    return restore(shapely.get_parts(solid), segments.reshape(-1, 2), grid)
 
 
 def restore(geometries: Polygons, vertices: Array, grid: float) -> Polygons:

@@ -63,14 +63,22 @@ def _grasp_row(rank: int, certified: CertifiedGrasp) -> tuple[str, ...]:
     )
 
 
-def no_grasp_message(model: str, plan: GraspPlan, output: Path) -> str:
+def no_grasp_message(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
     """That nothing is certified, why, and what might mend it."""
     reasons = ", ".join(f"{count} {reason}" for reason, count in plan.reasons.items())
     left = f"{output} is left as it was" if output.exists() else "no file is written"
     return (
-        f"{model}: no certified grasp among {plan.num_sets} sets of faces ({reasons}); {left}"
-        f"{_friction_hint(plan.mu_needed)}"
+        f"{model}: no certified grasp among {plan.num_sets} sets of faces"
+        f"{f' ({reasons})' if reasons else ': no two are wide enough for fingers'}; {left}"
+        f"{_friction_hint(_lacking_friction(object_, plan.mu_needed))}"
     )
+
+
+def _lacking_friction(object_: GraspObject, mu_needed: float | None) -> float | None:
+    """`mu_needed` where the object has less: else it is not friction that is lacking."""
+    if mu_needed is None or mu_needed <= max(face.mu for face in object_.polyhedron.faces):
+        return None
+    return mu_needed
 
 
 def _friction_hint(mu_needed: float | None) -> str:
@@ -145,7 +153,7 @@ def explain_document(
         "num_faces": len(object_.polyhedron.faces),
         "num_sets": len(explanation.reasons),
         "reasons": dict(explanation.counts),
-        "mu_needed": explanation.mu_needed,
+        "mu_needed": _lacking_friction(object_, explanation.mu_needed),
         "sets": sets,
     }
 

@@ -26,7 +26,7 @@ LAYERS = (
     ("plain_yaml", "mesh_file", "model_source", "object_model"),
     ("planning", "certification", "grasp_file"),
     ("claims", "verification", "pipeline"),
-    ("child_process", "tables", "cli", "__main__"),
+    ("visualization", "child_process", "tables", "cli", "__main__"),
 )
 """From the bottom up: nothing imports what stands in a later row."""
 

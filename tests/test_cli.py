@@ -310,6 +310,7 @@ def test_bad_input_is_one_message_exit_2_and_no_file(
         "plan a --mu nan",
         "plan a --mu inf",
         "plan a --mu high",
+        "plan a --mu 1e9",
         "plan a --top 0",
         "plan a --top 1.5",
         "plan a --rank best",
@@ -412,6 +413,21 @@ def test_a_reader_that_closes_the_pipe_is_no_error() -> None:
         check=False,
     )
     assert (result.returncode, result.stdout, result.stderr) == (0, "{", "")
+
+
+def test_a_full_disk_behind_standard_output_is_one_message(tmp_path: Path) -> None:
+    write_box(tmp_path)
+    with Path("/dev/full").open("w") as full:
+        result = subprocess.run(
+            [sys.executable, "-m", "drake_polygrasp", "verify", "box.grasp.yaml"],
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert result.returncode == 2
+    assert result.stderr == "polygrasp: standard output: No space left on device\n"
 
 
 def test_a_name_in_another_encoding_is_printed_somehow(tmp_path: Path) -> None:

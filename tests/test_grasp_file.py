@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import re
 import stat
 from pathlib import Path
@@ -203,6 +204,12 @@ def test_the_file_gets_the_rights_that_any_new_file_gets(tmp_path: Path) -> None
         stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("box.grasp.yaml", "plain")
     ]
     assert rights[0] == rights[1]
+
+
+def test_what_is_not_finite_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(GraspFileError, match="finite numbers, not inf"):
+        save(tmp_path / "box.grasp.yaml", epsilon_upper=math.inf)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("path", ["/dev/null", "/no/such/folder/box.grasp.yaml"])

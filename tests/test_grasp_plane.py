@@ -127,6 +127,15 @@ def test_lu_is_the_longest_edge_of_the_overlap() -> None:
     np.testing.assert_allclose(direction, [Y])
 
 
+def test_lu_of_a_triangle_may_have_vertices_in_its_middle() -> None:
+    # The longest edge of the overlap is the hypotenuse, though one face has a vertex on it.
+    triangle = shapely.Polygon([(0, 0), (4, 0), (0, 4)])
+    divided = shapely.Polygon([(0, 0), (4, 0), (2, 2), (0, 4)])
+    for first, second in ((triangle, divided), (divided, divided)):
+        _, direction = l_u(top(first, 1), bottom(second, 0))
+        np.testing.assert_allclose(direction, [(Y - X) / np.sqrt(2)], atol=1e-9)
+
+
 def test_lu_of_a_deep_pocket_is_its_lid() -> None:
     assert l_u(top(DEEP_U, 1), bottom(PLATE, 0))[0] == FIRST
     widest, direction = l_u(bottom(PLATE, 0), top(DEEP_U, 1))
@@ -206,6 +215,15 @@ def test_else_through_the_middle_of_the_longest_piece_of_lc() -> None:
     # The centroid of the U is in its notch, at y = 3; across l_u = y, L_c crosses the arms over
     # x in [0, 1.2] and [3.5, 5].
     assert heights(top(U, 1), bottom(PLATE, 0), centred_at(2, 3, 0)) == {(1, 0, 4.25)}
+
+
+def test_where_lc_runs_between_two_parts_the_rule_for_three_faces_stands_in() -> None:
+    # The overlap is two bars in line; across their length L_c passes between them.
+    slotted = bottom(box(0, 0, 10, 3) - box(4, -1, 6, 2.5), 0)
+    bar = top(box(0, 0, 10, 1), 1)
+    assert heights(bar, slotted, centred_at(5, 0.4, 0)) == {(0, 1, 0.4)}
+    F = box(0, 0, 10, 1)
+    assert heights(bar, slotted, centred_at(5, 7, 0)) == {(0, 1, F.centroid.y)}
 
 
 def test_a_plane_over_a_pocket_passes_through_the_centre_of_mass_or_the_centroid_of_f() -> None:

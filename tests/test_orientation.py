@@ -50,9 +50,7 @@ def proposition_2(nhat: Array, alpha: Array) -> tuple[Bools, Array]:
     Fx = nhat[:, 0] - sin_phi[:, None] * N
     Fx /= np.linalg.norm(Fx, axis=1, keepdims=True)
     Fy = np.cross(N, Fx)
-    heading = np.arctan2(
-        np.einsum("mk,mik->mi", Fy, nhat), np.einsum("mk,mik->mi", Fx, nhat)
-    )
+    heading = np.arctan2(np.einsum("mk,mik->mi", Fy, nhat), np.einsum("mk,mik->mi", Fx, nhat))
     half = np.arccos(np.clip(np.cos(alpha) / np.cos(phi), -1, 1))[:, None]
     edges = np.sort(np.concatenate([heading - half, heading + half], axis=1) % (2 * np.pi), axis=1)
     gap = np.diff(np.c_[edges, edges[:, 0] + 2 * np.pi], axis=1).max(axis=1)
@@ -105,9 +103,9 @@ def test_no_force_of_a_set_that_does_not_oppose_pushes_back(seed: int) -> None:
     nhat, alpha = random_normals(rng, 50, 3), rng.uniform(0.1, 1.5, 50)
     rejected = ~opposes(nhat, alpha)
     towards = least_ball_centre(nhat)[rejected]
-    leaning = np.einsum("mk,mik->mi", towards, nhat[rejected]) / np.linalg.norm(towards, axis=1)[
-        :, None
-    ]
+    leaning = (
+        np.einsum("mk,mik->mi", towards, nhat[rejected]) / np.linalg.norm(towards, axis=1)[:, None]
+    )
     assert (leaning >= np.sin(alpha[rejected])[:, None] - 2e-9).all()
 
 
@@ -214,47 +212,51 @@ def test_parallel_sets_have_an_axis_in_all_three_cones_and_others_have_none() ->
     nhat = np.take_along_axis(nhat, shuffled[..., None], axis=1)
     alpha = rng.uniform(0.1, 1.0, 3000)
     found = classify(nhat, alpha)
-    rows = np.arange(3000)
-    sign = np.ones((3000, 3))
-    sign[rows, found.opposing] = -1
-    angle = np.arccos(np.clip(np.einsum("mk,mik->mi", found.nhat_bs, nhat) * sign, -1, 1))
-    assert 0.2 < found.is_parallel.mean() < 0.8
-    assert (angle[found.is_parallel] < alpha[found.is_parallel, None]).all()
-    np.testing.assert_allclose(angle.max(axis=1), found.radius, atol=1e-7)
-    # No other axis is inside the cones of C_i, C_j and -C_k, k outside the closest pair.
+    rows = found.rows
+    assert 0.2 < len(rows) / 3000 < 0.8
+    # The closest pair is on one side, the third opposes it.
     close = np.stack([(nhat[:, (k + 1) % 3] * nhat[:, (k + 2) % 3]).sum(axis=1) for k in range(3)])
-    np.testing.assert_array_equal(found.opposing, close.argmax(axis=0))
+    opposing = close.argmax(axis=0)
+    np.testing.assert_array_equal(found.opposing, opposing[rows])
+    sign = np.where(np.arange(3) == opposing[:, None], -1, 1)
+    along = np.einsum("mk,mik->mi", found.nhat_bs, nhat[rows]) * sign[rows]
+    angle = np.arccos(np.clip(along, -1, 1))
+    assert (angle < alpha[rows, None]).all()
+    np.testing.assert_allclose(angle.max(axis=1), found.radius, atol=1e-7)
     others = random_normals(rng, 3000, 200)
     along = np.einsum("mok,mik->moi", others, sign[..., None] * nhat)
-    in_cones = (along > np.cos(alpha)[:, None, None]).all(axis=2)
-    assert in_cones[found.is_parallel].any()
-    assert not in_cones[~found.is_parallel].any()
+    in_cones = (along > np.cos(alpha)[:, None, None]).all(axis=2).any(axis=1)
+    assert in_cones.any()
+    assert set(np.flatnonzero(in_cones)) <= set(rows)
 
 
 def test_a_step_is_parallel_and_the_face_alone_on_its_side_opposes() -> None:
     for opposing, signs in enumerate([(-1, 1, 1), (1, -1, 1), (1, 1, -1)]):
         found = classify(np.array(signs)[None, :, None] * Z, np.array([0.3]))
-        assert found.is_parallel[0]
-        assert found.opposing[0] == opposing
+        assert found.rows.tolist() == [0]
+        assert found.opposing.tolist() == [opposing]
         np.testing.assert_allclose(found.nhat_bs[0], Z)
         np.testing.assert_allclose(found.radius, 0, atol=1e-12)
 
 
 def test_among_equally_close_pairs_the_least_cap_tells_who_opposes() -> None:
-    # n_1 is 60 degrees from both others, whose pairs with it are equally close: a tie.
-    turn = np.deg2rad([0.0, 60.0, -60.0])
-    nhat = np.c_[np.cos(turn), np.sin(turn), np.zeros(3)][None]
-    found = classify(nhat, np.array([1.5]))
-    assert found.opposing[0] in (1, 2)
-    np.testing.assert_allclose(found.radius, np.deg2rad(60))
-    assert found.opposing[0] == classify(nhat, np.array([0.1])).opposing[0]
+    # On a cube two faces and one that opposes the first: either of the opposed two may be alone,
+    # and both caps are as wide; 45 degrees is what they need.
+    nhat = np.array([[X, -X, Z]])
+    assert classify(nhat, np.array([np.pi / 4 + 1e-6])).opposing.tolist() == [0]
+    assert not len(classify(nhat, np.array([np.pi / 4])).rows)
+    # Tilted by 0.1 the third leans towards one of them, whose pair with it is closer.
+    leaning = np.array([np.sin(0.1), 0, np.cos(0.1)])
+    found = classify(np.array([[X, -X, leaning]]), np.array([0.8]))
+    assert found.opposing.tolist() == [1]
+    np.testing.assert_allclose(found.radius, np.pi / 4 - 0.05)
 
 
 def test_three_walls_of_a_triangular_prism_are_not_parallel() -> None:
     turn = 2 * np.pi / 3 * np.arange(3)
     nhat = np.c_[np.cos(turn), np.sin(turn), np.zeros(3)][None]
     assert opposes(nhat, np.array([0.3]))[0]
-    assert not classify(nhat, np.array([0.3])).is_parallel[0]
+    assert not len(classify(nhat, np.array([0.3])).rows)
     np.testing.assert_allclose(sine_of_tips_plane(nhat)[1], 0, atol=1e-15)
 
 
@@ -289,9 +291,10 @@ def test_the_least_opposing_friction_is_where_the_first_set_passes() -> None:
     triple, pair = nhat[np.concatenate(list(triples(5)))], nhat[pairs(5)]
     for factor, any_passes in ((1 - 1e-6, False), (1 + 1e-6, True)):
         alpha = np.arctan(mu * factor)
-        passes = opposes(triple, np.full(10, alpha)).any() or pair_opposes(
-            pair, np.full(10, alpha)
-        ).any()
+        passes = (
+            opposes(triple, np.full(10, alpha)).any()
+            or pair_opposes(pair, np.full(10, alpha)).any()
+        )
         assert passes == any_passes
 
 

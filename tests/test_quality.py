@@ -128,9 +128,7 @@ def test_every_set_of_a_cube_has_the_quality_known_by_hand() -> None:
     assert (~of_pair).sum() == 12
     q_3 = (1 + b / a) / 2
     np.testing.assert_allclose(rows.q[of_pair], [[1, 1, q_3, 1, 1]] * 3, atol=1e-9)
-    np.testing.assert_allclose(
-        rows.q[~of_pair], [[1, 1, q_3, 1, 1 / np.sqrt(2)]] * 12, atol=1e-9
-    )
+    np.testing.assert_allclose(rows.q[~of_pair], [[1, 1, q_3, 1, 1 / np.sqrt(2)]] * 12, atol=1e-9)
     np.testing.assert_allclose(rows.Q[of_pair], q_3)
 
 

@@ -60,7 +60,7 @@ def test_segments_are_what_a_line_cuts_from_the_face() -> None:
     height += rng.uniform(-0.5, 0.5, num)
     axis = np.cross(nhat, random_unit(rng, num))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    found = section(regions, boundary(regions), np.arange(num), nhat, height, axis)
+    found = section(regions, boundary(regions), np.arange(num), nhat, height, axis, 1e-9)
     numbers = []
     for k in range(num):
         expected = cut_by_shapely(regions, k, nhat[k], height[k], axis[k])
@@ -83,7 +83,7 @@ def segments(polygon: shapely.Polygon, y: float) -> list[list[float]]:
     """The segments of a level face at one y, along x."""
     regions = regions_of([top(polygon, 0.0)])
     found = section(
-        regions, boundary(regions), np.array([0]), Y[None], np.array([y]), X[None]
+        regions, boundary(regions), np.array([0]), Y[None], np.array([y]), X[None], 1e-9
     ).intervals[0]
     return found[~np.isnan(found[:, 0])].tolist()
 
@@ -101,6 +101,14 @@ def test_a_cut_through_vertices_counts_each_once() -> None:
     assert segments(comb, 7.0) == []
 
 
+def test_gaps_and_segments_that_rounding_makes_are_none() -> None:
+    slit = box(0, 0, 5, 5) - box(2, 1, 2 + 1e-10, 4)
+    assert segments(slit, 2.0) == [[0.0, 5.0]]
+    tips = box(0, 0, 5, 1) | shapely.Polygon([(0, 1), (1, 1), (0, 2)])
+    assert segments(tips, 2 - 1e-10) == []
+    assert segments(tips, 1.5) == [[0.0, 0.5]]
+
+
 def test_a_plane_parallel_to_the_face_or_constant_along_the_axis_cuts_nothing() -> None:
     regions = regions_of([top(box(0, 0, 1, 1), 0.0)])
     none = section(
@@ -110,6 +118,7 @@ def test_a_plane_parallel_to_the_face_or_constant_along_the_axis_cuts_nothing() 
         np.array([Z, Y]),
         np.array([0.0, 0.5]),
         np.array([X, Z]),
+        1e-9,
     )
     assert np.isnan(none.intervals).all()
 
@@ -119,7 +128,7 @@ def test_intervals_by_hand() -> None:
     np.testing.assert_array_equal(within(gaps, np.array([3.5, 3.5]), 0.0), [True, False])
     assert within(gaps[:1], np.array([1.0 + 1e-10]), 1e-9)[0]
     np.testing.assert_array_equal(outer_ends(gaps), [[0, 4], [nan, nan]])
-    clipped = clip_intervals(gaps, np.array([0.5, 0.0]), np.array([2.0, 9.0]))
+    clipped = clip_intervals(gaps, np.array([0.5, 0.0]), np.array([2.0, 9.0]), 1e-9)
     np.testing.assert_array_equal(clipped[0], [[0.5, 1.0], [nan, nan]])
     # 2 is as near to either: the greater counts.
     np.testing.assert_array_equal(nearest(gaps, np.array([2.0, 2.0]), 1e-9), [3.0, nan])
@@ -144,9 +153,7 @@ WALL = box(-0.5, 0, 0.5, 1)
 def planes(region: Ints, N: Array, along: Array, heights: tuple[float, float, float]) -> Planes:
     low, high, height = (np.array([h]) for h in heights)
     zero = np.zeros(1)
-    return Planes(
-        np.array([0]), region[None], N[None], along[None], low, high, height, zero, zero
-    )
+    return Planes(np.array([0]), region[None], N[None], along[None], low, high, height, zero, zero)
 
 
 def walls(*polygons: shapely.Polygon) -> tuple[list[Face], Regions]:
@@ -216,9 +223,7 @@ def two_faces(first: Face, second: Face) -> Cut:
     sets = opposed(regions, np.array([[0, 1, 1]]), Z[None])
     rows = choices(sets, UNIT)
     chosen, kept = two_face_planes(edges, sets, rows, UNIT)
-    return cut_two_faces(
-        regions, edges, chosen, sets, rows.widest[kept], rows.pocket[kept], UNIT
-    )
+    return cut_two_faces(regions, edges, chosen, sets, rows.widest[kept], rows.pocket[kept], UNIT)
 
 
 def finite(intervals: Array) -> list[list[float]]:

@@ -15,9 +15,12 @@ from grasp_files import BOX_SDF, EXAMPLE, Document, edit, rebalance, write_box
 from drake_polygrasp.certification.certify import certify
 from drake_polygrasp.errors import GraspFileError, ModelError
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, frozen
-from drake_polygrasp.grasp_file import grasp_document
+from drake_polygrasp.grasp_file import grasp_document, save_grasps
+from drake_polygrasp.object_model import load_object
+from drake_polygrasp.pipeline import plan_grasps
 from drake_polygrasp.verification import Status, verify_file
 
+MODELS = sorted(Path(__file__).parents[1].glob("models/*/*.*df"))
 PROVED, RECOMPUTED, FAILED = Status.PROVED, Status.RECOMPUTED, Status.FAILED
 
 
@@ -297,6 +300,17 @@ def test_less_friction_than_it_takes_is_refused(
 
 def test_mu_min_without_its_witness_is_proved_by_another(wedge: Path) -> None:
     assert verify_file(edit(wedge, lambda d: certificate(d).pop("mu_min_internal_force"))).holds
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda path: path.stem)
+def test_every_grasp_planned_on_a_model_is_borne_out(tmp_path: Path, model: Path) -> None:
+    object_ = load_object(model)
+    for method in ("paper", "enriched"):
+        plan = plan_grasps(object_, method=method)
+        save_grasps(tmp_path / "planned.grasp.yaml", object_, plan.grasps, plan.settings)
+        report = verify_file(tmp_path / "planned.grasp.yaml")
+        assert report.holds == (model.stem != "tetrahedron"), report
+        assert report.warnings == ()
 
 
 def numbers_of(document: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:

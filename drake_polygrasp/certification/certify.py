@@ -20,7 +20,7 @@ from drake_polygrasp.certification.wrench_space import (
     squeeze_force,
     tilt_tolerance,
 )
-from drake_polygrasp.grasp import Array, Certificate, CertifiedGrasp, Grasp, Verdict
+from drake_polygrasp.grasp import Array, Certificate, CertifiedGrasp, Grasp, Verdict, frozen
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,19 +58,14 @@ def prove_many(p_BC: Array, nhat_TB_B: Array, mu: Array) -> list[Proof]:
     """
     contacts = list(zip(p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist(), strict=True))
     checks = [exact.check_contacts(*contact) for contact in contacts]
-    sound = np.flatnonzero([check.ok for check in checks])
-    forces = dict(
-        zip(
-            sound.tolist(),
-            find_internal_forces(p_BC[sound], nhat_TB_B[sound], mu[sound]),
-            strict=True,
-        )
-    )
+    sound = np.array([check.ok for check in checks], dtype=bool)
+    x = np.full((len(contacts), 3), np.nan)
+    x[sound] = find_internal_forces(p_BC[sound], nhat_TB_B[sound], mu[sound])
     return [
-        _judge(p_BC[k], nhat_TB_B[k], mu[k], forces[k])
-        if k in forces
-        else Proof(Verdict.FAILS, checks[k].reason)
-        for k in range(len(contacts))
+        _judge(p_BC[k], nhat_TB_B[k], mu[k], frozen(x[k]))
+        if check.ok
+        else Proof(Verdict.FAILS, check.reason)
+        for k, check in enumerate(checks)
     ]
 
 
@@ -82,8 +77,8 @@ def _judge(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> Proof:
         return Proof(Verdict.HOLDS, internal_force=x, margin=margin)
     escape = find_escape(p_BC, nhat_TB_B, mu)
     if escape is None:
-        found = check.reason if np.isfinite(x).all() else "no internal force is found"
-        return Proof(Verdict.UNDECIDED, f"too close to call: {found}, nor an escape")
+        best = check.reason if np.isfinite(x).all() else "no internal force is found"
+        return Proof(Verdict.UNDECIDED, f"too close to call: no escape is found, and {best}")
     if escape.hinge is None:
         return Proof(Verdict.FAILS, "the object can leave along a twist", escape=escape)
     i, j = (k + 1 for k in escape.hinge)

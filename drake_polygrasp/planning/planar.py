@@ -356,4 +356,5 @@ def area_and_centroid(vertices: Array) -> tuple[Array, Array]:
 def centroids(shapes: Shapes) -> Array:
     """Centroids of shapes, shape (..., 2); NaN for empty ones."""
     points = shapely.centroid(shapes)
+    points = np.where(shapely.is_empty(points), None, points)  # get_x raises for empty points
     return np.stack([shapely.get_x(points), shapely.get_y(points)], axis=-1)

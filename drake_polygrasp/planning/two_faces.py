@@ -90,8 +90,10 @@ def choices(sets: Opposed, scale: Scale) -> Choices:
 
 def _longest_edges(shapes: Shapes, scale: Scale) -> tuple[Ints, Array]:
     """The longest edges of each shape, one of each direction: owners (R,), vectors (R, 2)."""
-    # An overlay leaves vertices in the middle of straight edges.
-    tail, head, owner = ring_edges(shapely.simplify(shapes, scale.length_slack))
+    # An overlay leaves vertices in the middle of straight edges; preserving the topology, GEOS
+    # keeps them where a ring would become a triangle.
+    plain = shapely.simplify(shapes, scale.length_slack, preserve_topology=False)
+    tail, head, owner = ring_edges(plain)
     edge = head - tail
     best = grouped_ties(np.linalg.norm(edge, axis=1), owner, len(shapes), TIE * scale.diameter)
     edge, owner = edge[best], owner[best]
@@ -141,8 +143,10 @@ def two_face_planes(
     # Heights along N of points (u, v) of Pi_s; N has no part along n_bs.
     to_height = np.stack([dot(sets.u, N), dot(sets.v, N)], axis=1)
     height = planes.height.copy()
+    through = _height_in_overlap(sets, rows.pocket[kept][on_overlap], to_height, scale)
+    # L_c misses A_12 where it runs between two parts of it: the rule for three faces stands in.
     height[on_overlap] = inset(
-        _height_in_overlap(sets, rows.pocket[kept][on_overlap], to_height, scale),
+        np.where(np.isnan(through), height[on_overlap], through),
         planes.low[on_overlap],
         planes.high[on_overlap],
     )
@@ -153,7 +157,7 @@ def _height_in_overlap(sets: Opposed, overlap: Shapes, to_height: Array, scale: 
     """Position of Pi_p when R_maxT = A_12: through c_m, the centroid of A_12, or the middle of L_c.
 
     Returns:
-        N . p [m], shape (M,).
+        N . p [m], shape (M,); NaN where L_c misses A_12.
     """
     cm = np.stack([sets.u @ scale.p_BBcm, sets.v @ scale.p_BBcm], axis=1)
     centroid = centroids(overlap)
@@ -165,6 +169,7 @@ def _height_in_overlap(sets: Opposed, overlap: Shapes, to_height: Array, scale: 
     L_c = line_through(centroid[rest], to_height[rest], scale)
     pieces, owner = shapely.get_parts(shapely.intersection(overlap[rest], L_c), return_index=True)
     order = np.lexsort((-shapely.length(pieces), owner))
-    longest = pieces[order[np.searchsorted(owner[order], np.arange(len(rest)))]]
-    point[rest] = centroids(longest)
+    longest = order[np.unique(owner[order], return_index=True)[1]]
+    point[rest] = np.nan
+    point[rest[owner[longest]]] = centroids(pieces[longest])
     return dot(point, unit(to_height))

@@ -1,0 +1,129 @@
+"""The best grasp known: a long random search, then contacts moved over the surface while it pays.
+
+Far too slow to plan with. It says what fraction of the possible a fast method reaches, and errs on
+the low side: the true optimum may be better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from benchmarks.peers import (
+    Surface,
+    Triples,
+    best_of,
+    closed,
+    coarse_bound,
+    draw_points,
+    random_triples,
+    triples_at,
+)
+from drake_polygrasp.grasp import Array, GraspObject, Ints
+from drake_polygrasp.wrench import epsilon_upper_bound
+
+NUM_TRIPLES = 50_000
+_POOL = 10_000
+"""Points that contacts may jump to."""
+_STARTS = 16
+_TRIES = 24
+_STEPS = np.geomspace(0.3, 0.001, 40)
+"""Length of moves, over the diameter."""
+_JUMP = 0.3
+"""Chance that a moved contact may change faces."""
+
+
+def best_known(
+    object_: GraspObject,
+    surface: Surface,
+    tip_radius: float,
+    rng: np.random.Generator,
+    others: Triples,
+    num: int = NUM_TRIPLES,
+) -> tuple[Triples, float]:
+    """The best triple found and its epsilon, never less than of `others`, which must hold."""
+    drawn = random_triples(surface, num, rng)
+    drawn = drawn.take(closed(object_, drawn, tip_radius))
+    drawn = drawn.take(_highest(coarse_bound(object_, drawn), 20 * _STARTS))
+    starts = joined(others, drawn.take(_highest(_bound(object_, drawn), _STARTS)))
+    search = _Search(object_, surface, tip_radius, *_pool(surface, rng), rng)
+    return best_of(object_, joined(starts, search.improved(starts)))
+
+
+def joined(*several: Triples) -> Triples:
+    """All rows of all."""
+    return Triples(
+        *(
+            np.concatenate([getattr(triples, column.name) for triples in several])
+            for column in fields(Triples)
+        )
+    )
+
+
+def _highest(values: Array, num: int) -> Ints:
+    return np.argsort(-values, kind="stable")[:num]
+
+
+def _bound(object_: GraspObject, triples: Triples) -> Array:
+    return epsilon_upper_bound(*triples.contacts, object_.p_BBcm, object_.rho)
+
+
+def _pool(surface: Surface, rng: np.random.Generator) -> tuple[cKDTree, Ints]:
+    points, region = draw_points(surface, (_POOL,), rng)
+    return cKDTree(points), region
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Contacts moved at random in ever smaller steps; a move stays where the bound rises."""
+
+    object_: GraspObject
+    surface: Surface
+    tip_radius: float
+    pool: cKDTree
+    pool_region: Ints
+    rng: np.random.Generator
+
+    def improved(self, starts: Triples) -> Triples:
+        best, value = starts, _bound(self.object_, starts)
+        owner = np.repeat(np.arange(len(value)), _TRIES)
+        for step in _STEPS * self.object_.polyhedron.diameter:
+            tries = self._moved(best.take(owner), step)
+            rows = np.flatnonzero(coarse_bound(self.object_, tries) > value[owner])
+            rows = rows[closed(self.object_, tries.take(rows), self.tip_radius)]
+            bound = _bound(self.object_, tries.take(rows))
+            order = np.lexsort((-bound, owner[rows]))
+            winner, first = np.unique(owner[rows[order]], return_index=True)
+            chosen = order[first]
+            better = bound[chosen] > value[winner]
+            winner, chosen = winner[better], chosen[better]
+            value[winner] = bound[chosen]
+            source = np.arange(len(value))
+            source[winner] = len(value) + rows[chosen]
+            best = joined(best, tries).take(source)
+        return best
+
+    def _moved(self, triples: Triples, step: float) -> Triples:
+        """Some of each row's contacts moved within their regions or to the pool."""
+        rng = self.rng
+        target = triples.p_BC + step * rng.normal(size=triples.p_BC.shape)
+        moves = rng.random(triples.region.shape)
+        p_BC, region = triples.p_BC.copy(), triples.region.copy()
+        jump = moves < _JUMP
+        _, index = self.pool.query(target[jump])
+        p_BC[jump], region[jump] = self.pool.data[index], self.pool_region[index]
+        slide = (moves >= _JUMP) & (moves < 2 * _JUMP)
+        p_BC[slide] = self._nearest(target[slide], region[slide])
+        return triples_at(self.surface.regions, p_BC, region)
+
+    def _nearest(self, p: Array, region: Ints) -> Array:
+        """The points of regions nearest to points in their planes."""
+        regions = self.surface.regions
+        R_BF, p_BF = regions.R_BF[region], regions.p_BF[region]
+        xy = np.einsum("mij,mi->mj", R_BF[:, :, :2], p - p_BF)
+        ties = shapely.shortest_line(regions.polygon_F[region], shapely.points(xy))
+        nearest = shapely.get_coordinates(ties)[::2]
+        return p_BF + np.einsum("mij,mj->mi", R_BF[:, :, :2], nearest)

@@ -1,0 +1,90 @@
+"""What is measured: our models, generated solids of many kinds, and folders of anyone's models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from drake_polygrasp.grasp import Array
+from tests.convex_polyhedra import (
+    boxes,
+    ellipsoid_hull,
+    holed_prism,
+    tangent_polyhedron,
+    write_obj,
+)
+
+ROOT = Path(__file__).resolve().parents[1]
+SUFFIXES = {".sdf", ".urdf", ".xml", ".obj"}
+MU = 0.3
+FLAT, LONG = (0.07, 0.06, 0.02), (0.1, 0.03, 0.03)
+
+
+class Subject(NamedTuple):
+    """An object to measure."""
+
+    kind: str
+    name: str
+    file: Path
+    mu: float | None
+    """Friction where the file states none, as generated meshes cannot."""
+
+
+class _Family(NamedTuple):
+    kind: str
+    name: str
+    solid: Callable[[int], Array]
+    """Triangles of a seed."""
+    count: int
+
+
+def _families() -> Iterator[_Family]:
+    """82 objects in all; few of the large ones, whose planning takes longest."""
+    for faces, count in {10: 4, 30: 4, 100: 3, 300: 2, 1000: 1}.items():
+        yield _Family("ellipsoid", f"ellipsoid_{faces}", lambda s, n=faces: _hull(n, s), count)
+    for shape, axes in {"flat": FLAT, "long": LONG}.items():
+        for faces in (10, 30):
+            name = f"{shape}_{faces}"
+            yield _Family(shape, name, lambda s, n=faces, a=axes: ellipsoid_hull(n, s, a), 3)
+    for faces, count in {10: 4, 30: 4, 100: 2}.items():
+        name = f"tangent_{faces}"
+        yield _Family("tangent", name, lambda s, n=faces: tangent_polyhedron(n, s), count)
+    for sides, holes in ((5, 0), (6, 1), (8, 2), (9, 0), (12, 3)):
+        name = f"prism_{sides}_{holes}"
+        yield _Family("prism", name, lambda s, n=sides, h=holes: holed_prism(n, h, s), 4)
+    for number in (2, 3, 4):
+        yield _Family("boxes_skew", f"boxes_skew_{number}", lambda s, n=number: boxes(n, s), 4)
+        name = f"boxes_aligned_{number}"
+        yield _Family(
+            "boxes_aligned", name, lambda s, n=number: boxes(n, s, aligned=True), 4
+        )
+
+
+def _hull(num_faces: int, seed: int) -> Array:
+    return ellipsoid_hull(num_faces, seed)
+
+
+def models() -> list[Subject]:
+    """Our own objects."""
+    folders = sorted(path for path in (ROOT / "models").iterdir() if path.is_dir())
+    files = (next(p for p in folder.iterdir() if p.suffix in SUFFIXES - {".obj"}) for folder in folders)
+    return [Subject("models", file.parent.name, file, None) for file in files]
+
+
+def generated(folder: Path, most: int | None = None) -> list[Subject]:
+    """Generated solids, written to `folder` as meshes; at most `most` of each size."""
+    subjects = []
+    for family in _families():
+        for seed in range(min(family.count, most or family.count)):
+            name = f"{family.name}_s{seed}"
+            file = folder / f"{name}.obj"
+            write_obj(file, family.solid(seed))
+            subjects.append(Subject(family.kind, name, file, MU))
+    return subjects
+
+
+def in_folder(folder: Path) -> list[Subject]:
+    """Every model file in a folder and below."""
+    files = sorted(path for path in folder.rglob("*") if path.suffix in SUFFIXES)
+    return [Subject(folder.name, str(f.relative_to(folder)), f, None) for f in files]

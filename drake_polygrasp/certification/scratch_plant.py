@@ -1,0 +1,140 @@
+"""Plants of our own with the object and three fingertips, for checks that must not touch others'.
+
+The body frame B starts at the world frame W, so what is expressed in B may be read in W.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydrake.geometry import AddContactMaterial, Box, GeometryId, ProximityProperties, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from drake_polygrasp.errors import ModelError
+from drake_polygrasp.grasp import Array, Grasp, GraspObject
+from drake_polygrasp.object_model import Solid, load_solid
+from drake_polygrasp.seating import edge_distance, face_of
+
+PROBE_RADIUS = 1e-3
+"""Times the diameter L, ours: of the fingertips that stand for a plan's points."""
+_DISSIPATION = 1.0
+"""[s/m], Hunt & Crossley's, of each surface, ours."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What scratch plants are made of."""
+
+    object_: GraspObject
+    solid: Solid
+    grasp: Grasp
+    """Its friction is that of the pairs."""
+    tip_radius: float
+    """[m]"""
+    pad_width: float
+    """[m], of the largest squares about all contacts that keep within their faces."""
+
+    @property
+    def p_BT(self) -> Array:
+        """Centres of fingertips that touch the contacts from outside [m], shape (3, 3)."""
+        return self.grasp.p_BC - self.tip_radius * self.grasp.nhat_TB_B
+
+    @property
+    def mu_object(self) -> float:
+        """The friction of the object's own surface."""
+        return float(self.grasp.mu.max())
+
+
+def make_scene(
+    object_: GraspObject,
+    grasp: Grasp,
+    tip_radius: float,
+    package_paths: Sequence[str | Path] = (),
+) -> Scene:
+    """The object from its own file, and fingertips of `tip_radius` [m], or probes if that is 0.
+
+    Raises ModelError when the object came from no file or the file cannot be read again.
+    """
+    if object_.source is None:
+        raise ModelError("a grasp is checked in a plant with the object's own file; it has none")
+    face = face_of(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B)
+    distance = edge_distance(object_.polyhedron, grasp.p_BC, face).min()
+    return Scene(
+        object_,
+        load_solid(object_.source, package_paths),
+        grasp,
+        tip_radius or PROBE_RADIUS * object_.polyhedron.diameter,
+        math.sqrt(2.0) * float(distance),
+    )
+
+
+def add_surface(
+    plant: MultibodyPlant, body: RigidBody, scene: Scene, stiffness: float | None = None
+) -> list[GeometryId]:
+    """The model's own collision geometry, its point contact of `stiffness` [N/m]."""
+    return [
+        plant.RegisterCollisionGeometry(
+            body, X_BG, shape, f"surface_{k}", _material(scene.mu_object, stiffness)
+        )
+        for k, (shape, X_BG) in enumerate(scene.solid.parts)
+    ]
+
+
+def add_pads(
+    plant: MultibodyPlant, body: RigidBody, scene: Scene, stiffness: float | None = None
+) -> list[GeometryId]:
+    """A cube under each contact, flush with its face, of the contact's friction."""
+    w, grasp = scene.pad_width, scene.grasp
+    ids = []
+    for i, (p_BC, nhat_TB_B, mu) in enumerate(
+        zip(grasp.p_BC, grasp.nhat_TB_B, grasp.mu, strict=True)
+    ):
+        R_BP = RotationMatrix.MakeFromOneVector(nhat_TB_B, 2)
+        X_BP = RigidTransform(R_BP, p_BC + w / 2 * nhat_TB_B)
+        material = _material(mu, stiffness)
+        ids.append(
+            plant.RegisterCollisionGeometry(body, X_BP, Box(w, w, w), f"pad_{i}", material)
+        )
+    return ids
+
+
+def add_tip(
+    plant: MultibodyPlant,
+    body: RigidBody,
+    scene: Scene,
+    i: int,
+    *,
+    on_pad: bool,
+    stiffness: float | None = None,
+) -> GeometryId:
+    """The sphere that touches contact i, on a body whose frame is at W.
+
+    Its friction makes the contact's of the pair, in Drake's combination
+    2 mu_T mu_O / (mu_T + mu_O).
+    """
+    mu = float(scene.grasp.mu[i])
+    mu_T = mu if on_pad else 1.0 / (2.0 / mu - 1.0 / scene.mu_object)
+    return plant.RegisterCollisionGeometry(
+        body,
+        RigidTransform(scene.p_BT[i]),
+        Sphere(scene.tip_radius),
+        f"tip_{i}",
+        _material(mu_T, stiffness),
+    )
+
+
+def _material(mu: float, stiffness: float | None) -> ProximityProperties:
+    """Static and dynamic friction alike: Drake's discrete contact knows the latter only."""
+    properties = ProximityProperties()
+    AddContactMaterial(
+        dissipation=_DISSIPATION,
+        point_stiffness=stiffness,
+        friction=CoulombFriction(mu, mu),
+        properties=properties,
+    )
+    return properties

@@ -1,0 +1,21 @@
+"""Looking at objects and grasps: Meshcat in 3-D, matplotlib for the paper's planes.
+
+| file | what it draws |
+|---|---|
+| scene.py | an object and its grasps in a Meshcat, one's own or a new one |
+| page.py | all of a Meshcat as one web page that needs no server, with buttons |
+| figures.py | what each section of the paper computes for one set of faces (needs matplotlib) |
+| palette.py | the colours of all of them |
+| labels.py | numbers of faces as shapes |
+"""
+
+from drake_polygrasp.visualization.page import save_html
+from drake_polygrasp.visualization.scene import (
+    draw_grasp,
+    draw_grasps,
+    draw_object,
+    look_at,
+    show_rank,
+)
+
+__all__ = ["draw_grasp", "draw_grasps", "draw_object", "look_at", "save_html", "show_rank"]

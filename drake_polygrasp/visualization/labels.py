@@ -1,0 +1,71 @@
+"""Numbers of faces as flat shapes: Meshcat draws no text.
+
+Digits are polylines on a grid of 4 x 6, thickened.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from drake_polygrasp.grasp import Array
+from drake_polygrasp.polyhedron import Face
+
+_STROKES: dict[str, list[tuple[float, float]]] = {
+    "0": [(1, 0), (3, 0), (4, 1), (4, 5), (3, 6), (1, 6), (0, 5), (0, 1), (1, 0)],
+    "1": [(1, 5), (2, 6), (2, 0)],
+    "2": [(0, 5), (1, 6), (3, 6), (4, 5), (4, 4), (0, 0), (4, 0)],
+    "3": [(0, 6), (4, 6), (2, 3.5), (3, 3.5), (4, 2.5), (4, 1), (3, 0), (1, 0), (0, 1)],
+    "4": [(3, 0), (3, 6), (0, 2), (4, 2)],
+    "5": [(4, 6), (0, 6), (0, 3.5), (3, 3.5), (4, 2.5), (4, 1), (3, 0), (0, 0)],
+    "6": [(3, 6), (1, 6), (0, 5), (0, 1), (1, 0), (3, 0), (4, 1), (4, 2.5), (3, 3.5), (0, 3.5)],
+    "7": [(0, 6), (4, 6), (1.5, 0)],
+    "8": [(0, 5), (1, 6), (3, 6), (4, 5), (0, 2), (0, 1), (1, 0), (3, 0), (4, 1), (4, 2), (0, 5)],
+    "9": [(1, 0), (3, 0), (4, 1), (4, 5), (3, 6), (1, 6), (0, 5), (0, 3.5), (1, 2.5), (4, 2.5)],
+}
+_PITCH = 5.8
+_THICKNESS = 0.9
+
+
+def number_shape(number: int) -> shapely.MultiPolygon:
+    """A whole number upright around the origin, its digits 1 high.
+
+    One that reads as another upside down, like 6, is underlined as on dice.
+    """
+    text = str(number)
+    strokes = [np.add(_STROKES[c], (_PITCH * i, 0)) for i, c in enumerate(text)]
+    width = _PITCH * len(text) - 1.8
+    if set(text) <= set("0689") and set(text) & set("69"):
+        strokes.append(np.array([(0, -1.8), (width, -1.8)]))
+    lines = shapely.MultiLineString([stroke - (width / 2, 3) for stroke in strokes])
+    shape = shapely.buffer(lines, _THICKNESS / 2, quad_segs=3)
+    return shapely.transform(shape, lambda xy: xy / 6)
+
+
+def label_F(face: Face, number: int, largest: float) -> shapely.MultiPolygon:
+    """The number on its face, in the coordinates of Fx and Fy [m], upright as seen from outside.
+
+    Upright is towards Bz, on faces about level with it towards By. It stands at the face's
+    centroid where there is room, else in the middle of its largest disc; digits are as high as
+    fits, `largest` [m] at most.
+    """
+    polygon = face.polygon_F
+    center, radius = _room(polygon)
+    shape = number_shape(number)
+    reach = np.linalg.norm(shapely.get_coordinates(shape), axis=1).max()
+    size = min(largest, 0.8 * radius / reach)
+    upward = np.eye(3)[1 if abs(face.R_BF[2, 2]) > 0.9 else 2]
+    up = face.R_BF[:, :2].T @ upward
+    up /= np.linalg.norm(up)
+    right = np.array([up[1], -up[0]])
+    return shapely.transform(shape, lambda xy: center + size * xy @ np.array([right, up]))
+
+
+def _room(polygon: shapely.Polygon) -> tuple[Array, float]:
+    """Where on a face there is room, and the radius of that room [m]."""
+    circle = shapely.maximum_inscribed_circle(polygon)  # a segment, from centre to border
+    radius = shapely.length(circle)
+    at_centroid = shapely.distance(polygon.centroid, polygon.boundary)
+    if polygon.contains(polygon.centroid) and at_centroid > 0.7 * radius:
+        return shapely.get_coordinates(polygon.centroid)[0], at_centroid
+    return shapely.get_coordinates(circle)[0], radius

@@ -1,0 +1,91 @@
+"""A Meshcat as one web page: it opens offline, with buttons through the ranked grasps.
+
+Meshcat's own sliders are lost in its static page, for they need the server. The page gets a panel
+of its own, which also says what the colours stand for.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Meshcat
+
+from drake_polygrasp.errors import UsageError
+from drake_polygrasp.visualization.palette import CONTACTS, INK, PLANE
+from drake_polygrasp.visualization.scene import PATH, AnyGrasp
+from drake_polygrasp.wrench import edge_forces
+
+NOTE = (
+    "Drag to turn, scroll to zoom. Spheres are fingertips, cones friction, arrows the forces that "
+    "squeeze the object; in the dark discs each contact may be misplaced."
+)
+
+
+def save_html(
+    file: Path | str,
+    meshcat: Meshcat,
+    grasps: Sequence[AnyGrasp] = (),
+    *,
+    title: str = "drake_polygrasp",
+    path: str = PATH,
+) -> None:
+    """Writes all that a Meshcat shows, a recording included, as one page that needs no network.
+
+    Args:
+        file: the page.
+        meshcat: where `draw_grasps` has drawn.
+        grasps: the same grasps, for the panel; none: no panel.
+        title: what the panel and the browser's tab say.
+        path: the path they were drawn below.
+
+    Raises:
+        UsageError: when `file` cannot be written.
+    """
+    html = meshcat.StaticHtml()
+    if grasps:
+        scene = {
+            "title": title,
+            "note": NOTE,
+            # Drake puts relative paths below its own.
+            "path": PurePosixPath("/drake", path, "grasps").parts[1:],
+            "grasps": [_rows(grasp) for grasp in grasps],
+        }
+        # "</script>" in a name must not end the script.
+        text = json.dumps(scene).replace("</", "<\\/")
+        panel = resources.files(__package__).joinpath("panel.html").read_text("utf-8")
+        head, body_end, tail = html.rpartition("</body>")
+        html = head + panel.replace("/*SCENE*/", text) + body_end + tail
+    try:
+        Path(file).write_text(html, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def _rows(grasp: AnyGrasp) -> list[tuple[Any, ...]]:
+    """What the panel says of a grasp: name, value and, where it explains one, a colour."""
+    contacts, certificate = grasp.grasp, grasp.certificate
+    squeeze = certificate.squeeze_force
+    f_Bc_B = edge_forces(contacts.p_BC[None], certificate.internal_force[None])[0]
+    sizes = np.linalg.norm(f_Bc_B, axis=1)
+    rows: list[tuple[Any, ...]] = [("kind", contacts.kind.replace("_", " "))]
+    for i, colour in enumerate(CONTACTS):
+        force = f"{sizes[i]:.2f}" if squeeze is None else f"{sizes[i] * squeeze:.1f} N"
+        rows.append((f"contact {i + 1}", f"face {contacts.faces[i]}: {force}", colour))
+    rows += [("grasp plane and triangle", "", PLANE), ("centre of mass", "", INK)]
+    if contacts.quality is not None:
+        rows.append(("quality Q", f"{contacts.quality.Q:.3f}"))
+    for name, value, unit, scale in (
+        ("margin", certificate.margin, "", 1.0),
+        ("epsilon", certificate.epsilon_lower, "", 1.0),
+        ("least friction", certificate.mu_min, "", 1.0),
+        ("may be misplaced by", certificate.placement_tolerance, " mm", 1e3),
+        ("squeeze, all fingers", squeeze, " N", 1.0),
+    ):
+        if value is not None:
+            rows.append((name, f"{value * scale:.3g}{unit}"))
+    return rows

@@ -1,0 +1,298 @@
+"""An object and its grasps in Meshcat.
+
+Everything is drawn in the body frame B below one path; who shows the body elsewhere sets that
+path's transform to X_WB. Lengths that are ours are parts of the object's diameter L.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Shape, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_polygrasp.grasp import Array, CertifiedGrasp, GraspObject, Ints
+from drake_polygrasp.grasp_file import StatedGrasp
+from drake_polygrasp.polyhedron import Face, surface_vertices
+from drake_polygrasp.visualization.labels import label_F
+from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
+from drake_polygrasp.wrench import edge_forces
+
+PATH = "polygrasp"
+"""Where in Meshcat's tree everything goes."""
+FORCE_SCALE = 0.5
+"""Times L, ours: length of an arrow that stands for the whole normal force."""
+_TIP, _MARK, _CONE, _LABEL = 0.02, 0.012, 0.14, 0.06
+"""Times L: a fingertip, what marks a mere point, a friction cone's side, a face's number."""
+_LIFT = 1e-3
+"""Times L, ours: how far what lies on a face is lifted, lest the two flicker."""
+
+AnyGrasp = CertifiedGrasp | StatedGrasp
+"""A grasp as planned, or as a file states it."""
+
+
+def draw_object(meshcat: Meshcat, object_: GraspObject, path: str = PATH) -> None:
+    """Draws an object: translucent faces with their edges and numbers, and its centre of mass.
+
+    Args:
+        meshcat: where to draw; nothing but `path` is changed.
+        object_: the object.
+        path: drawn in body frame B below `path`/object.
+    """
+    L, faces = object_.polyhedron.diameter, object_.polyhedron.faces
+    path = f"{path}/object"
+    meshcat.Delete(path)
+    _set_mesh(meshcat, f"{path}/faces", _joined([_face_mesh(face) for face in faces]), OBJECT, 0.35)
+    ends = np.concatenate([_edges(face) for face in faces])
+    meshcat.SetLineSegments(f"{path}/edges", ends[:, 0].T, ends[:, 1].T, 1.5, Rgba(*rgb(INK)))
+    labels = [
+        _triangles(face, label_F(face, k, _LABEL * L), 2 * _LIFT * L)
+        for k, face in enumerate(faces)
+    ]
+    _set_mesh(
+        meshcat, f"{path}/numbers", _joined(labels), INK, 1.0, Meshcat.SideOfFaceToRender.kFrontSide
+    )
+    _set_shape(meshcat, f"{path}/centre_of_mass", Sphere(_MARK * L), INK, 1.0, object_.p_BBcm)
+
+
+def draw_grasp(
+    meshcat: Meshcat,
+    object_: GraspObject,
+    grasp: AnyGrasp,
+    *,
+    tip_radius: float | None = None,
+    path: str = f"{PATH}/grasp",
+) -> None:
+    """Draws one grasp on its object.
+
+    In the colours of contacts 1, 2 and 3: the tint of their faces, fingertips, friction cones, the
+    internal force as arrows of `FORCE_SCALE` L for the whole normal force, and the disc in which
+    each contact may be misplaced. In the plane's colour: the grasp plane and the triangle.
+
+    Args:
+        meshcat: where to draw; nothing but `path` is changed.
+        object_: the object.
+        grasp: what to draw; disc and arrows are what its certificate says.
+        tip_radius: of the fingertips [m] (default: 0.02 L; 0: marked points).
+        path: drawn in body frame B below this.
+    """
+    meshcat.Delete(path)
+    L = object_.polyhedron.diameter
+    contacts, certificate = grasp.grasp, grasp.certificate
+    f_Bc_B = edge_forces(contacts.p_BC[None], certificate.internal_force[None])[0]
+    tinted: set[int] = set()
+    for i, colour in enumerate(CONTACTS):
+        p_BC, nhat_B, mu = contacts.p_BC[i], contacts.nhat_TB_B[i], float(contacts.mu[i])
+        here = f"{path}/contact_{i + 1}"
+        face = contacts.faces[i]
+        if face not in tinted and face < len(object_.polyhedron.faces):
+            tinted.add(face)
+            mesh = _face_mesh(object_.polyhedron.faces[face], _LIFT * L)
+            _set_mesh(meshcat, f"{here}/face", mesh, colour, 0.45)
+        tip = _TIP * L if tip_radius is None else tip_radius
+        _set_shape(
+            meshcat,
+            f"{here}/fingertip",
+            Sphere(tip or _MARK * L),
+            colour,
+            0.7,
+            p_BC - tip * nhat_B,
+        )
+        _draw_cone(meshcat, f"{here}/friction_cone", p_BC, nhat_B, mu, _CONE * L, colour)
+        _draw_arrow(meshcat, f"{here}/force", p_BC, FORCE_SCALE * L * f_Bc_B[i], 0.007 * L, colour)
+        if tolerance := certificate.placement_tolerance:
+            disc = Cylinder(tolerance, 2 * _LIFT * L)
+            p_BD = p_BC - 2 * _LIFT * L * nhat_B
+            _set_shape(meshcat, f"{here}/placement", disc, INK, 0.6, p_BD, nhat_B)
+    _draw_plane(meshcat, f"{path}/plane", object_, contacts.grasp_plane.nhat_B, contacts.p_BC)
+    _draw_triangle(meshcat, f"{path}/triangle", contacts.p_BC, L)
+
+
+def draw_grasps(
+    meshcat: Meshcat,
+    object_: GraspObject,
+    grasps: Sequence[AnyGrasp],
+    *,
+    tip_radius: float | None = None,
+    path: str = PATH,
+) -> None:
+    """Draws an object and all of its ranked grasps, the first of them visible.
+
+    Args as of `draw_grasp`; see `show_rank`.
+    """
+    draw_object(meshcat, object_, path)
+    meshcat.Delete(f"{path}/grasps")
+    for rank, grasp in enumerate(grasps, start=1):
+        draw_grasp(meshcat, object_, grasp, tip_radius=tip_radius, path=f"{path}/grasps/{rank}")
+    show_rank(meshcat, 1, len(grasps), path)
+
+
+def show_rank(meshcat: Meshcat, rank: int, count: int, path: str = PATH) -> None:
+    """Shows the grasp of this rank, from 1, and hides the others of `count`."""
+    for other in range(1, count + 1):
+        meshcat.SetProperty(f"{path}/grasps/{other}", "visible", other == rank)
+
+
+def look_at(meshcat: Meshcat, object_: GraspObject, grasp: AnyGrasp | None = None) -> None:
+    """Sets camera and background of a Meshcat of one's own.
+
+    Of a few views around the object, from above, that which sees most of the grasp plane and
+    of the faces that are touched.
+    """
+    for path in ("/Grid", "/Axes"):
+        meshcat.SetProperty(path, "visible", False)
+    for property_ in ("top_color", "bottom_color"):
+        meshcat.SetProperty("/Background/<object>", property_, [1.0, 1.0, 1.0])
+    L = object_.polyhedron.diameter
+    meshcat.SetProperty("/Cameras/default/rotated/<object>", "near", 0.01 * L)
+    meshcat.SetProperty("/Cameras/default/rotated/<object>", "fov", 30.0)
+    vertices = surface_vertices(object_.polyhedron)
+    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    meshcat.SetCameraPose(centre + 2.4 * L * _best_view(grasp), centre)
+
+
+def _best_view(grasp: AnyGrasp | None) -> Array:
+    azimuth = np.radians(np.arange(-60, 300, 30))
+    elevation = np.radians([[25], [45]])
+    views = np.stack(
+        np.broadcast_arrays(
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ),
+        axis=-1,
+    ).reshape(-1, 3)
+    if grasp is None:
+        return np.asarray(views[0])
+    plane = np.abs(views @ grasp.grasp.grasp_plane.nhat_B)
+    touched = np.minimum(-views @ grasp.grasp.nhat_TB_B.T, 0.5).sum(axis=1)
+    # Rounded, so that the first of equal views counts.
+    return np.asarray(views[np.argmax(np.round(plane + touched / 3, 9))])
+
+
+Triangles = tuple[Array, Ints]
+"""Vertices in B [m], shape (V, 3), and the indices of each triangle's, shape (T, 3)."""
+
+
+def _triangles(face: Face, shape_F: shapely.Geometry, lift: float = 0.0) -> Triangles:
+    """A shape on a face, lifted off it by `lift` [m]; counter-clockwise from outside."""
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape_F))
+    pieces = shapely.orient_polygons(pieces)
+    xy = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    p_BV = face.p_BF + xy @ face.R_BF[:, :2].T + lift * face.R_BF[:, 2]
+    return p_BV, np.arange(len(p_BV)).reshape(-1, 3)
+
+
+def _face_mesh(face: Face, lift: float = 0.0) -> Triangles:
+    return _triangles(face, face.polygon_F, lift)
+
+
+def _joined(meshes: Sequence[Triangles]) -> Triangles:
+    starts = np.cumsum([0, *(len(p_BV) for p_BV, _ in meshes)])
+    indices = [index + start for (_, index), start in zip(meshes, starts, strict=False)]
+    return np.concatenate([p_BV for p_BV, _ in meshes]), np.concatenate(indices)
+
+
+def _edges(face: Face) -> Array:
+    """The edges of a face in B [m], shape (E, 2, 3)."""
+    ends = []
+    for ring in (face.polygon_F.exterior, *face.polygon_F.interiors):
+        xy = shapely.get_coordinates(ring)
+        p_BV = face.p_BF + xy @ face.R_BF[:, :2].T
+        ends.append(np.stack([p_BV[:-1], p_BV[1:]], axis=1))
+    return np.concatenate(ends)
+
+
+def _set_mesh(
+    meshcat: Meshcat,
+    path: str,
+    mesh: Triangles,
+    colour: str,
+    opacity: float,
+    side: Meshcat.SideOfFaceToRender = Meshcat.SideOfFaceToRender.kDoubleSide,
+) -> None:
+    p_BV, index = mesh
+    meshcat.SetTriangleMesh(path, p_BV.T, index.T, Rgba(*rgb(colour), opacity), side=side)
+    _let_through(meshcat, path, opacity)
+
+
+def _set_shape(
+    meshcat: Meshcat,
+    path: str,
+    shape: Shape,
+    colour: str,
+    opacity: float,
+    p_BS: Array,
+    zhat_B: Array | None = None,
+) -> None:
+    """A shape at p_BS [m], its z axis along zhat_B."""
+    meshcat.SetObject(path, shape, Rgba(*rgb(colour), opacity))
+    _let_through(meshcat, path, opacity)
+    meshcat.SetTransform(path, _pose(p_BS, zhat_B))
+
+
+def _let_through(meshcat: Meshcat, path: str, opacity: float) -> None:
+    """Lets what lies behind a translucent object be drawn after it."""
+    if opacity < 1:
+        meshcat.SetProperty(f"{path}/<object>", "material.depthWrite", False)
+
+
+def _pose(p_BS: Array, zhat_B: Array | None) -> RigidTransform:
+    R_BS = RotationMatrix() if zhat_B is None else RotationMatrix.MakeFromOneVector(zhat_B, 2)
+    return RigidTransform(R_BS, p_BS)
+
+
+def _draw_cone(
+    meshcat: Meshcat, path: str, p_BC: Array, nhat_B: Array, mu: float, side: float, colour: str
+) -> None:
+    """A friction cone with sides of one length, however wide."""
+    height = side / np.hypot(1.0, mu)
+    cone = MeshcatCone(height, mu * height, mu * height)
+    _set_shape(meshcat, path, cone, colour, 0.3, p_BC, nhat_B)
+
+
+def _draw_arrow(
+    meshcat: Meshcat, path: str, p_BA: Array, v_B: Array, radius: float, colour: str
+) -> None:
+    """An arrow from p_BA [m] along v_B [m]; short ones are all head."""
+    length = float(np.linalg.norm(v_B))
+    if length == 0:
+        return
+    zhat_B = v_B / length
+    head = min(6 * radius, length)
+    wide = 0.4 * head
+    # Meshcat's cone has its apex at the origin and opens along +z.
+    cone = MeshcatCone(head, wide, wide)
+    _set_shape(meshcat, f"{path}/head", cone, colour, 1.0, p_BA + v_B, -zhat_B)
+    if length > head:
+        shaft = Cylinder(radius, length - head)
+        middle = p_BA + (length - head) / 2 * zhat_B
+        _set_shape(meshcat, f"{path}/shaft", shaft, colour, 1.0, middle, zhat_B)
+
+
+def _draw_plane(
+    meshcat: Meshcat, path: str, object_: GraspObject, nhat_B: Array, p_BC: Array
+) -> None:
+    """The part of the grasp plane around the object, as a rectangle."""
+    axes = RotationMatrix.MakeFromOneVector(nhat_B, 2).matrix()[:, :2]
+    xy = (surface_vertices(object_.polyhedron) - p_BC[0]) @ axes
+    around = shapely.oriented_envelope(shapely.multipoints(xy))
+    around = shapely.buffer(around, 0.06 * object_.polyhedron.diameter, join_style="mitre")
+    corners = p_BC[0] + shapely.get_coordinates(around)[:4] @ axes.T
+    index = np.array([[0, 1, 2], [0, 2, 3]])
+    _set_mesh(meshcat, f"{path}/area", (corners, index), PLANE, 0.2)
+    border = np.roll(corners, -1, axis=0)
+    meshcat.SetLineSegments(f"{path}/border", corners.T, border.T, 1.5, Rgba(*rgb(PLANE)))
+
+
+def _draw_triangle(meshcat: Meshcat, path: str, p_BC: Array, L: float) -> None:
+    _set_mesh(meshcat, f"{path}/area", (p_BC, np.array([[0, 1, 2]])), PLANE, 0.5)
+    for i, (p_BA, p_BE) in enumerate(zip(p_BC, np.roll(p_BC, -1, axis=0), strict=True)):
+        side = p_BE - p_BA
+        length = float(np.linalg.norm(side))
+        rod = Cylinder(0.003 * L, length)
+        _set_shape(
+            meshcat, f"{path}/side_{i + 1}", rod, PLANE, 1.0, (p_BA + p_BE) / 2, side / length
+        )
