@@ -1,6 +1,6 @@
 """How good, how fast, how large: the planner beside its peers on many objects.
 
-    python -m benchmarks.compare [NAME ...] [--folder DIR] [--most 1] [--quick] [--json OUT.json]
+    python -m benchmarks.compare [NAME ...] [--folder DIR] [--most 1] [--json OUT.json]
 
 Each object is loaded, planned and certified in a process of its own; another process searches it
 in other ways. epsilon is compared, a bound within half a percent. Peers:
@@ -69,7 +69,9 @@ def _subjects(arguments: argparse.Namespace, scratch: Path) -> list[Subject]:
     names = set(arguments.names)
     known = {s.kind for s in subjects} | {s.name for s in subjects}
     if names - known:
-        sys.exit(f"no object {', '.join(sorted(names - known))}; there are {', '.join(sorted(known))}")
+        sys.exit(
+            f"no object {', '.join(sorted(names - known))}; there are {', '.join(sorted(known))}"
+        )
     return [s for s in subjects if not names or {s.kind, s.name} & names]
 
 
@@ -80,7 +82,7 @@ def measure(subject: Subject, arguments: argparse.Namespace) -> dict[str, Any]:
     def run(task: str, **options: Any) -> dict[str, Any]:
         return _in_child({"task": task, **thing, **options}, arguments.timeout)
 
-    result = {"kind": subject.kind, "name": subject.name}
+    result: dict[str, Any] = {"kind": subject.kind, "name": subject.name}
     result["ours"] = ours = run("ours", method="enriched", repeat=arguments.repeat)
     if arguments.alone:
         return result
@@ -96,8 +98,13 @@ def _in_child(request: dict[str, Any], timeout: float) -> dict[str, Any]:
     command = [sys.executable, "-m", "benchmarks.measure"]
     try:
         done = subprocess.run(
-            command, input=json.dumps(request), capture_output=True, text=True, cwd=ROOT,
-            timeout=timeout, check=True,
+            command,
+            input=json.dumps(request),
+            capture_output=True,
+            text=True,
+            cwd=ROOT,
+            timeout=timeout,
+            check=True,
         )
     except subprocess.TimeoutExpired:
         return {"error": f"more than {timeout:g} s"}

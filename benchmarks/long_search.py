@@ -21,9 +21,9 @@ from benchmarks.peers import (
     draw_points,
     random_triples,
     triples_at,
+    upper_bound,
 )
 from drake_polygrasp.grasp import Array, GraspObject, Ints
-from drake_polygrasp.wrench import epsilon_upper_bound
 
 NUM_TRIPLES = 50_000
 _POOL = 10_000
@@ -48,7 +48,7 @@ def best_known(
     drawn = random_triples(surface, num, rng)
     drawn = drawn.take(closed(object_, drawn, tip_radius))
     drawn = drawn.take(_highest(coarse_bound(object_, drawn), 20 * _STARTS))
-    starts = joined(others, drawn.take(_highest(_bound(object_, drawn), _STARTS)))
+    starts = joined(others, drawn.take(_highest(upper_bound(object_, drawn), _STARTS)))
     search = _Search(object_, surface, tip_radius, *_pool(surface, rng), rng)
     return best_of(object_, joined(starts, search.improved(starts)))
 
@@ -65,10 +65,6 @@ def joined(*several: Triples) -> Triples:
 
 def _highest(values: Array, num: int) -> Ints:
     return np.argsort(-values, kind="stable")[:num]
-
-
-def _bound(object_: GraspObject, triples: Triples) -> Array:
-    return epsilon_upper_bound(*triples.contacts, object_.p_BBcm, object_.rho)
 
 
 def _pool(surface: Surface, rng: np.random.Generator) -> tuple[cKDTree, Ints]:
@@ -88,13 +84,13 @@ class _Search:
     rng: np.random.Generator
 
     def improved(self, starts: Triples) -> Triples:
-        best, value = starts, _bound(self.object_, starts)
+        best, value = starts, upper_bound(self.object_, starts)
         owner = np.repeat(np.arange(len(value)), _TRIES)
         for step in _STEPS * self.object_.polyhedron.diameter:
             tries = self._moved(best.take(owner), step)
             rows = np.flatnonzero(coarse_bound(self.object_, tries) > value[owner])
             rows = rows[closed(self.object_, tries.take(rows), self.tip_radius)]
-            bound = _bound(self.object_, tries.take(rows))
+            bound = upper_bound(self.object_, tries.take(rows))
             order = np.lexsort((-bound, owner[rows]))
             winner, first = np.unique(owner[rows[order]], return_index=True)
             chosen = order[first]
@@ -126,4 +122,5 @@ class _Search:
         xy = np.einsum("mij,mi->mj", R_BF[:, :, :2], p - p_BF)
         ties = shapely.shortest_line(regions.polygon_F[region], shapely.points(xy))
         nearest = shapely.get_coordinates(ties)[::2]
-        return p_BF + np.einsum("mij,mj->mi", R_BF[:, :, :2], nearest)
+        moved: Array = p_BF + np.einsum("mij,mj->mi", R_BF[:, :, :2], nearest)
+        return moved

@@ -1,6 +1,6 @@
 """One object measured in a process of its own: JSON on standard input, and on standard output.
 
-    echo '{"task": "ours", "file": "models/cube/cube.sdf"}' | python -m benchmarks.measure
+echo '{"task": "ours", "file": "models/cube/cube.sdf"}' | python -m benchmarks.measure
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from benchmarks.peers import (
     antipodal_triples,
     best_of,
     closed,
+    epsilon_of,
     random_triples,
     surface_of,
     triples_at,
 )
 from drake_polygrasp import GraspObject, GraspPlan, load_object, plan_grasps
-from drake_polygrasp.certification.wrench_space import epsilon_interval
 from drake_polygrasp.grasp import Array
 from drake_polygrasp.pipeline import TIP_RADIUS
 from drake_polygrasp.polyhedron import Regions, erode
@@ -38,8 +38,6 @@ CUBE = Path(__file__).resolve().parents[1] / "models" / "cube" / "cube.sdf"
 SEED = 0
 GAP = 0.005
 """Relative gap of the epsilon that methods are compared by, a quarter of what plans report."""
-LARGEST_FOR_PAPER = 100
-"""Faces, with some allowance for those that solids have beyond their nominal number."""
 QUICK = 2.0
 """[s]: what takes longer is not repeated."""
 
@@ -49,7 +47,7 @@ Draw = Callable[[Surface, int, np.random.Generator], Triples]
 def ours(file: Path, mu: float | None, method: Literal["enriched", "paper"], repeat: int) -> Any:
     """Seconds (the least of some runs), peak memory and the best grasp of the planner."""
     plan_grasps(load_object(CUBE), method=method)  # imports and first calls are not timed
-    runs = []
+    runs: list[dict[str, float]] = []
     while len(runs) < repeat and (not runs or runs[-1]["plan"] < QUICK):
         stopwatch = Stopwatch()
         object_ = load_object(file, mu=mu)
@@ -70,17 +68,15 @@ def _best_grasp(object_: GraspObject, plan: GraspPlan) -> dict[str, Any]:
     if not plan.grasps:
         return {"epsilon": 0.0, "kind": None, "p_BC": None, "face": None}
     grasp = plan.grasps[0].grasp
+    found = Triples(
+        grasp.p_BC[None], np.array([grasp.faces]), grasp.nhat_TB_B[None], grasp.mu[None]
+    )
     return {
-        "epsilon": _epsilon(object_, grasp.p_BC, grasp.nhat_TB_B, grasp.mu),
+        "epsilon": epsilon_of(object_, found, relative_gap=GAP),
         "kind": grasp.kind,
         "p_BC": grasp.p_BC.tolist(),
         "face": list(grasp.faces),
     }
-
-
-def _epsilon(object_: GraspObject, p_BC: Array, nhat_TB_B: Array, mu: Array) -> float:
-    scale = object_.p_BBcm, object_.rho
-    return epsilon_interval(p_BC, nhat_TB_B, mu, *scale, relative_gap=GAP).lower
 
 
 def peak_memory() -> float:
@@ -102,7 +98,8 @@ def peers(
     """Random, antipodal and long search; the last starts from all winners and the grasp given."""
     object_ = load_object(file, mu=mu)
     tip_radius = TIP_RADIUS * object_.polyhedron.diameter
-    winners, results = [], {}
+    winners: list[Triples] = []
+    results: dict[str, Any] = {}
     draws: dict[str, Draw] = {"random": random_triples, "antipodal": antipodal_triples}
     for name, draw in draws.items():
         search(object_, draw, tip_radius, num=50)  # first calls are not timed
@@ -144,8 +141,7 @@ def search(
 
 
 def _summary(object_: GraspObject, best: Triples) -> dict[str, Any]:
-    rows = zip(*best.contacts, strict=True)
-    epsilon = max((_epsilon(object_, *row) for row in rows), default=0.0)
+    epsilon = epsilon_of(object_, best, relative_gap=GAP) if len(best.mu) else 0.0
     return {"epsilon": epsilon, "p_BC": best.p_BC.tolist(), "region": best.region.tolist()}
 
 
@@ -159,7 +155,8 @@ def _on_regions(regions: Regions, p_BC: Array, face: Array) -> Triples:
 
 def main() -> None:
     request = json.load(sys.stdin)
-    task = {"ours": ours, "peers": peers}[request.pop("task")]
+    tasks: dict[str, Callable[..., Any]] = {"ours": ours, "peers": peers}
+    task = tasks[request.pop("task")]
     print(json.dumps(task(Path(request.pop("file")), **request)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,39 +37,33 @@ class _Family(NamedTuple):
     name: str
     solid: Callable[[int], Array]
     """Triangles of a seed."""
-    count: int
+    num_seeds: int
 
 
 def _families() -> Iterator[_Family]:
-    """82 objects in all; few of the large ones, whose planning takes longest."""
-    for faces, count in {10: 4, 30: 4, 100: 3, 300: 2, 1000: 1}.items():
-        yield _Family("ellipsoid", f"ellipsoid_{faces}", lambda s, n=faces: _hull(n, s), count)
+    """80 objects in all; few of the large ones, whose planning takes longest."""
+    for faces, seeds in {10: 4, 30: 4, 100: 3, 300: 2, 1000: 1}.items():
+        yield _Family("ellipsoid", f"ellipsoid_{faces}", partial(ellipsoid_hull, faces), seeds)
     for shape, axes in {"flat": FLAT, "long": LONG}.items():
         for faces in (10, 30):
-            name = f"{shape}_{faces}"
-            yield _Family(shape, name, lambda s, n=faces, a=axes: ellipsoid_hull(n, s, a), 3)
-    for faces, count in {10: 4, 30: 4, 100: 2}.items():
-        name = f"tangent_{faces}"
-        yield _Family("tangent", name, lambda s, n=faces: tangent_polyhedron(n, s), count)
+            solid = partial(ellipsoid_hull, faces, semi_axes=axes)
+            yield _Family(shape, f"{shape}_{faces}", solid, 3)
+    for faces, seeds in {10: 4, 30: 4, 100: 2}.items():
+        yield _Family("tangent", f"tangent_{faces}", partial(tangent_polyhedron, faces), seeds)
     for sides, holes in ((5, 0), (6, 1), (8, 2), (9, 0), (12, 3)):
-        name = f"prism_{sides}_{holes}"
-        yield _Family("prism", name, lambda s, n=sides, h=holes: holed_prism(n, h, s), 4)
+        yield _Family("prism", f"prism_{sides}_{holes}", partial(holed_prism, sides, holes), 4)
     for number in (2, 3, 4):
-        yield _Family("boxes_skew", f"boxes_skew_{number}", lambda s, n=number: boxes(n, s), 4)
-        name = f"boxes_aligned_{number}"
-        yield _Family(
-            "boxes_aligned", name, lambda s, n=number: boxes(n, s, aligned=True), 4
-        )
-
-
-def _hull(num_faces: int, seed: int) -> Array:
-    return ellipsoid_hull(num_faces, seed)
+        yield _Family("boxes_skew", f"boxes_skew_{number}", partial(boxes, number), 4)
+        solid = partial(boxes, number, aligned=True)
+        yield _Family("boxes_aligned", f"boxes_aligned_{number}", solid, 4)
 
 
 def models() -> list[Subject]:
     """Our own objects."""
     folders = sorted(path for path in (ROOT / "models").iterdir() if path.is_dir())
-    files = (next(p for p in folder.iterdir() if p.suffix in SUFFIXES - {".obj"}) for folder in folders)
+    files = (
+        next(p for p in folder.iterdir() if p.suffix in SUFFIXES - {".obj"}) for folder in folders
+    )
     return [Subject("models", file.parent.name, file, None) for file in files]
 
 
@@ -76,7 +71,7 @@ def generated(folder: Path, most: int | None = None) -> list[Subject]:
     """Generated solids, written to `folder` as meshes; at most `most` of each size."""
     subjects = []
     for family in _families():
-        for seed in range(min(family.count, most or family.count)):
+        for seed in range(min(family.num_seeds, most or family.num_seeds)):
             name = f"{family.name}_s{seed}"
             file = folder / f"{name}.obj"
             write_obj(file, family.solid(seed))

@@ -12,7 +12,7 @@ from time import perf_counter
 import numpy as np
 import shapely
 
-from drake_polygrasp.certification.wrench_space import epsilon_interval
+from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, epsilon_interval
 from drake_polygrasp.grasp import Array, Bools, GraspObject, Ints
 from drake_polygrasp.planning.orientation import friction_angle, opposes
 from drake_polygrasp.polyhedron import Regions
@@ -211,9 +211,34 @@ def coarse_bound(object_: GraspObject, triples: Triples) -> Array:
     return radius
 
 
+def upper_bound(object_: GraspObject, triples: Triples) -> Array:
+    """`wrench.epsilon_upper_bound`, shape (M,)."""
+    return epsilon_upper_bound(*triples.contacts, object_.p_BBcm, object_.rho)
+
+
+def epsilon_of(
+    object_: GraspObject,
+    triple: Triples,
+    *,
+    at_least: float = 0.0,
+    relative_gap: float = RELATIVE_GAP,
+) -> float:
+    """The lower bound of one row's epsilon; anything below where it is less than `at_least`."""
+    p_BC, nhat_TB_B, mu = (values[0] for values in triple.contacts)
+    interval = epsilon_interval(
+        p_BC,
+        nhat_TB_B,
+        mu,
+        object_.p_BBcm,
+        object_.rho,
+        at_least=at_least,
+        relative_gap=relative_gap,
+    )
+    return interval.lower
+
+
 def best_of(object_: GraspObject, triples: Triples) -> tuple[Triples, float]:
     """The row of greatest epsilon, none of no rows, and its lower bound."""
-    scale = object_.p_BBcm, object_.rho
     coarse = coarse_bound(object_, triples)
     order = np.argsort(-coarse, kind="stable")
     best, epsilon = order[:0], 0.0
@@ -222,12 +247,11 @@ def best_of(object_: GraspObject, triples: Triples) -> tuple[Triples, float]:
         rows = rows[coarse[rows] > epsilon]
         if not len(rows):
             break
-        upper = epsilon_upper_bound(*triples.take(rows).contacts, *scale)
+        upper = upper_bound(object_, triples.take(rows))
         for k in np.argsort(-upper, kind="stable"):
             if upper[k] <= epsilon:
                 break
-            contacts = (values[rows[k]] for values in triples.contacts)
-            lower = epsilon_interval(*contacts, *scale, at_least=epsilon).lower
+            lower = epsilon_of(object_, triples.take(rows[k : k + 1]), at_least=epsilon)
             if lower > epsilon:
                 best, epsilon = rows[k : k + 1], lower
     return triples.take(best), epsilon

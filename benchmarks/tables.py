@@ -4,17 +4,30 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+
+from drake_polygrasp.grasp import Array
 
 Results = list[dict[str, Any]]
 
 PEERS = ("random", "antipodal", "paper", "best")
 _ROW = "{:<20}{:>6}{:>8}{:>9}{:>9}{:>7}{:>9}{:>11}{:>10}{:>10}{:>9}{:>9}"
 HEADER = _ROW.format(
-    "object", "faces", "load s", "plan s", "certify", "MB", "epsilon",
-    "/random", "/antipod", "/paper", "/best", "t/random",
+    "object",
+    "faces",
+    "load s",
+    "plan s",
+    "certify",
+    "MB",
+    "epsilon",
+    "/random",
+    "/antipod",
+    "/paper",
+    "/best",
+    "t/random",
 )
 _KIND = "{:<16}{:>4}  {:<10}{:>8}{:>8}{:>8}{:>9}"
 
@@ -54,3 +67,82 @@ def row(result: dict[str, Any]) -> str:
     )
     errors = [f"  {k}: {v['error']}" for k, v in result.items() if "error" in v and k != "error"]
     return "\n".join([line, *errors])
+
+
+def kinds_table(results: Results) -> str:
+    """Ratios of epsilon by kind of object, and over all that are generated."""
+    lines = [_KIND.format("kind", "n", "ours over", "median", "2nd %", "worst", "share>=1")]
+    groups = defaultdict(list)
+    for result in results:
+        groups[result["kind"]].append(result)
+        if result["kind"] != "models":
+            groups["not ours"].append(result)
+    for kind, members in groups.items():
+        for peer in PEERS:
+            ratios = _known(ratio(result, peer) for result in members)
+            if len(ratios):
+                spread = (np.median(ratios), np.percentile(ratios, 2), ratios.min())
+                share = f"{100 * (ratios >= 1).mean():.0f} %"
+                numbers = (f"{r:.3f}" for r in spread)
+                lines.append(_KIND.format(kind, len(ratios), peer, *numbers, share))
+        times = _known(time_ratio(result) for result in members)
+        if len(times):
+            slow = (np.median(times), np.percentile(times, 98), times.max())
+            numbers = (f"{t:.2f}" for t in slow)
+            share = f"{100 * (times >= 1).mean():.0f} %"
+            lines.append(_KIND.format(kind, len(times), "t(random)", *numbers, share))
+    return "\n".join([*lines, "(t(random): seconds; median, 98th percentile, most)", ""])
+
+
+def stages_table(results: Results) -> str:
+    """Medians of what the peers' seconds went to."""
+    lines = []
+    for peer in ("random", "antipodal"):
+        runs = [result[peer]["seconds"] for result in results if peer in result]
+        if runs:
+            medians = (f"{s} {np.median([run[s] for run in runs]):.4f}" for s in runs[0])
+            lines.append(f"{peer}, median seconds: {', '.join(medians)}")
+    return "\n".join([*lines, ""])
+
+
+def growth_table(results: Results) -> str:
+    """How seconds and memory grow with faces: medians of sizes, exponents between them."""
+    sizes: dict[str, dict[int, Results]] = defaultdict(lambda: defaultdict(list))
+    for result in results:
+        family, _, rest = result["name"].partition("_")
+        if family in ("ellipsoid", "tangent") and "sets" in result["ours"]:
+            sizes[family][int(rest.partition("_")[0])].append(result["ours"])
+    form = "{:<12}{:>6}{:>10}{:>9}{:>9}{:>8}{:>10}"
+    lines = [form.format("growth", "faces", "plan s", "exponent", "certify", "MB", "random s")]
+    for family, members in sizes.items():
+        plans = {n: np.median([r["seconds"]["plan"] for r in runs]) for n, runs in members.items()}
+        exponents = {
+            n: f"{np.log(plans[n] / plans[m]) / np.log(n / m):.2f}"
+            for m, n in itertools.pairwise(sorted(plans))
+        }
+        for n, runs in sorted(members.items()):
+            certify = np.median([r["seconds"]["certify"] for r in runs])
+            memory = np.median([r["megabytes"] for r in runs])
+            searched = _known(
+                value(r, "random", "seconds", "total")
+                for r in results
+                if r["name"].startswith(f"{family}_{n}_")
+            )
+            lines.append(
+                form.format(
+                    family,
+                    n,
+                    f"{plans[n]:.3f}",
+                    exponents.get(n, ""),
+                    f"{certify:.3f}",
+                    f"{memory:.0f}",
+                    f"{np.median(searched):.3f}" if len(searched) else "",
+                )
+            )
+    return "\n".join(lines)
+
+
+def _known(values: Iterable[float]) -> Array:
+    """Without nan."""
+    array = np.array(list(values), dtype=float)
+    return array[~np.isnan(array)]

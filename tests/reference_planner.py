@@ -48,6 +48,10 @@ class Outcome:
         return bool(self.doubts)
 
 
+NOISE = 1e-5
+"""Times rho: distances no longer than this are zero, 0/0 counts as 1."""
+
+
 def reference_plan(
     regions: Regions,
     p_BBcm: Array,
@@ -98,11 +102,11 @@ def reference_plan(
                 )
             outcome = replace(outcome, doubts=frozenset(doubts))
             outcomes[members] = outcome
-    return outcomes | paper_qualities(rows, outcomes)
+    return outcomes | paper_qualities(rows, outcomes, rho / diameter)
 
 
 def paper_qualities(
-    rows: dict[tuple[int, ...], Row], outcomes: dict[tuple[int, ...], Outcome]
+    rows: dict[tuple[int, ...], Row], outcomes: dict[tuple[int, ...], Outcome], rho: float
 ) -> dict[tuple[int, ...], Outcome]:
     """Eq. 5-10: distances and areas are divided by their maxima over all sets with a region P."""
     scored = {members: row for members, row in rows.items() if row.has_P}
@@ -114,8 +118,8 @@ def paper_qualities(
     results = {}
     for members, row in scored.items():
         q = (
-            1 - row.d1 / d1_max if d1_max > TOL else 1.0,
-            1 - row.d2 / d2_max if d2_max > TOL else 1.0,
+            1 - row.d1 / d1_max if d1_max > NOISE * rho else 1.0,
+            1 - row.d2 / d2_max if d2_max > NOISE * rho else 1.0,
             (row.Is / Is_max + row.Ip / Ip_max) / 2,
             row.q4,
             row.q5,

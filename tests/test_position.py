@@ -173,7 +173,7 @@ def test_rs_spans_the_portions_that_wedges_cut_from_the_faces(flat: bool, gamma:
     on = plane_directions(N, regions.nhat_TB_B[region])
     apex = rng.uniform(-0.6, 0.6, (60, 3))
     apex -= np.einsum("mk,mk->m", apex, N)[:, None] * N
-    low, high = strip_rs(regions, boundary(regions), region, on, apex, np.full(60, gamma))
+    low, high = strip_rs(boundary(regions), region, on, apex, np.full(60, gamma))
     num_empty = 0
     for m in range(60):
         heights = [
@@ -223,9 +223,7 @@ def test_where_a_cone_misses_a_face_rs_is_empty() -> None:
         region = np.array([[0, 1, 2]])
         N, _ = sine_of_tips_plane(regions.nhat_TB_B[region])
         on = plane_directions(N, regions.nhat_TB_B[region])
-        low, high = strip_rs(
-            regions, boundary(regions), region, on, np.zeros((1, 3)), np.array([0.3])
-        )
+        low, high = strip_rs(boundary(regions), region, on, np.zeros((1, 3)), np.array([0.3]))
         assert (low[0] < high[0]) == meets
         if meets:
             heights = sorted([N[0] @ Z * 0, N[0] @ Z * 1])
@@ -312,7 +310,7 @@ def test_no_rows_are_no_rows() -> None:
     met, low, high = region_rl(edges, none, on, 0.0)
     assert met.shape == (0,)
     assert on.polygon(low, high)[1].shape == (0, 3)
-    low, high = strip_rs(regions, edges, none, on, no_normals, np.empty(0))
+    low, high = strip_rs(edges, none, on, no_normals, np.empty(0))
     assert low.shape == high.shape == (0,)
     sets = opposed(regions, none, no_normals)
     assert parallel_faces_meet(sets, 0.0, 0.0).shape == (0,)

@@ -262,7 +262,7 @@ class _Stages:
 
         code[where] = CODE["rs_empty"]
         _, apex = on.polygon(low[meets], high[meets])
-        low, high = strip_rs(regions, edges, region, on, apex, alpha - phi)
+        low, high = strip_rs(edges, region, on, apex, alpha - phi)
         meets = high - low > scale.length_slack
         region, alpha, phi, where = region[meets], alpha[meets], phi[meets], where[meets]
         on = on.take(meets)

@@ -89,13 +89,12 @@ def region_rl(
 
 
 def strip_rs(
-    regions: Regions, edges: Boundary, region: Ints, on: PlaneDirections, apex: Array, gamma: Array
+    edges: Boundary, region: Ints, on: PlaneDirections, apex: Array, gamma: Array
 ) -> tuple[Array, Array]:
     """Steps 1.4 to 2.2: the bounds of R^s along N, from the portions A_li within the cones C_ri.
 
     Args:
-        regions: all regions.
-        edges: their boundary.
+        edges: boundary of all regions.
         region: the sets, shape (M, 3).
         on: their directions on Pi_l.
         apex: centroid of R^l within the plane through B's origin [m], shape (M, 3).
@@ -106,7 +105,6 @@ def strip_rs(
     """
     rows = np.repeat(np.arange(len(region)), 3)
     low, high = _cone_heights(
-        regions,
         edges,
         region.ravel(),
         on.nhat_B[rows],
@@ -119,7 +117,6 @@ def strip_rs(
 
 
 def _cone_heights(
-    regions: Regions,
     edges: Boundary,
     region: Ints,
     N: Array,
@@ -130,8 +127,9 @@ def _cone_heights(
 ) -> tuple[Array, Array]:
     """Least and greatest height over A_li = {p in A_i: |t . (p - c)| <= slope |n' . (p - c)|}.
 
-    The extremes are taken where an edge meets a wedge of the double cone, or at the apex. All is
-    done on the face itself: where phi = 0 its projection on Pi_l is a mere segment.
+    The extremes are taken where an edge meets a wedge of the double cone; at an apex inside the
+    face heights rise into one wedge and fall into the other. All is done on the face itself: where
+    phi = 0 its projection on Pi_l is a mere segment.
     """
     index, owner = gather(edges.offsets, region)
     tail, head = edges.tail[index], edges.head[index]
@@ -155,17 +153,7 @@ def _cone_heights(
             np.minimum.at(low, owner[touched], height)
             np.maximum.at(high, owner[touched], height)
 
-    nhat = regions.nhat_TB_B[region]
-    rise = dot(nhat, N)
-    meets = np.abs(rise) > 1e-9  # else Pi_l is orthogonal to the face and the apex's line misses it
-    reach = dot(nhat, regions.p_BF[region] - apex) / np.where(meets, rise, 1.0)
-    straddles = (along_tail > 0) != (along_head > 0)
-    fraction = along_tail / np.where(straddles, along_tail - along_head, 1.0)
-    right = straddles & (across_tail + fraction * (across_head - across_tail) > 0)
-    inside = meets & (np.bincount(owner[right], minlength=len(region)) % 2 == 1)
-    return np.where(inside, np.minimum(low, reach), low), np.where(
-        inside, np.maximum(high, reach), high
-    )
+    return low, high
 
 
 def _within(*constraints: tuple[Array, Array]) -> tuple[Array, Array]:

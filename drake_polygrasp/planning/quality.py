@@ -14,7 +14,11 @@ import numpy as np
 
 from drake_polygrasp.grasp import Array, Bools
 from drake_polygrasp.planning.planar import dot
-from drake_polygrasp.polyhedron import ANGLE_TOLERANCE
+from drake_polygrasp.polyhedron import ANGLE_TOLERANCE, FLATNESS
+
+NOISE = FLATNESS
+"""Times rho, ours: on a symmetric object all distances are as long as a file's rounding makes them,
+and their greatest is no scale."""
 
 
 def q_orientation(phi: Array, alpha: Array) -> Array:
@@ -76,13 +80,13 @@ def q_positions(
         area_s: I^s [m^2], shape (M,).
         area_p: I^p [m^2], shape (M,).
         rho: greatest distance from the centre of mass to the surface [m].
-        scale: what to divide by; with "paper", 0/0 counts as 1.
+        scale: what to divide by; with "paper", 0/0 counts as 1 (distances below NOISE rho are 0).
     """
     if scale == "object":
         q_3 = (np.minimum(1, area_s / rho**2) + np.minimum(1, area_p / rho**2)) / 2
         return np.column_stack([np.maximum(0, 1 - d_1 / rho), np.maximum(0, 1 - d_2 / rho), q_3])
     q_1, q_2 = (
-        np.abs(_ratio(d.max(initial=0) - d, d.max(initial=0), 1e-9 * rho)) for d in (d_1, d_2)
+        np.abs(_ratio(d.max(initial=0) - d, d.max(initial=0), NOISE * rho)) for d in (d_1, d_2)
     )
     q_3 = (
         _ratio(area_s, area_s.max(initial=0), 0.0) + _ratio(area_p, area_p.max(initial=0), 0.0)

@@ -167,7 +167,7 @@ class _Steps:
         if not meets[0]:
             return self._trace(region, alpha, phi, on_pi_l=on_pi_l)
         _, apex = on.polygon(low, high)
-        low, high = strip_rs(regions, edges, region[None], on, apex, alpha - phi)
+        low, high = strip_rs(edges, region[None], on, apex, alpha - phi)
         if not (low < high).all():
             return self._trace(region, alpha, phi, on_pi_l=on_pi_l)
         planes = nonparallel_planes(regions, edges, region[None], on, low, high, scale)

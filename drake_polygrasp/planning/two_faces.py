@@ -69,7 +69,8 @@ def choices(sets: Opposed, scale: Scale) -> Choices:
 
     rows = np.flatnonzero(possible & (widest != OVERLAP))
     holder = widest[rows] - 1
-    pocket = _pockets(outside[rows, holder], sets.faces[rows, 1 - holder])
+    pocket, owner = _pockets(outside[rows, holder], sets.faces[rows, 1 - holder], scale)
+    rows, holder = rows[owner], holder[owner]
     hull = hulls[rows, holder]
     owner, lid = _lids(hull, pocket, scale)
     found.append(Choices(rows[owner], lid, widest[rows[owner]], pocket[owner]))
@@ -107,13 +108,12 @@ def _longest_edges(shapes: Shapes, scale: Scale) -> tuple[Ints, Array]:
     return owner[is_new], edge[is_new]
 
 
-def _pockets(outside: Shapes, other: Shapes) -> Shapes:
-    """The part of hull(A_i) - A_i that overlaps the other face most, row by row."""
+def _pockets(outside: Shapes, other: Shapes, scale: Scale) -> tuple[Shapes, Ints]:
+    """The parts of hull(A_i) - A_i that overlap the other face most, and whose they are."""
     parts, owner = shapely.get_parts(outside, return_index=True)
     area = shapely.area(shapely.intersection(parts, other[owner]))
-    order = np.lexsort((-area, owner))
-    pockets: Shapes = parts[order[np.searchsorted(owner[order], np.arange(len(outside)))]]
-    return pockets
+    best = grouped_ties(area, owner, len(outside), scale.area_slack)
+    return parts[best], owner[best]
 
 
 def _lids(hull: Shapes, pocket: Shapes, scale: Scale) -> tuple[Ints, Array]:

@@ -126,7 +126,7 @@ def _draw_contacts(ax: Axes, plane: OnPiP, concurrent: bool) -> None:
     for i, point in enumerate(plane.contacts):
         ax.plot(*_MM * point, "o", color=CONTACTS[i], markersize=9, markeredgecolor="white")
         x, y = 14 * inward[i] / np.linalg.norm(inward[i])
-        style = {"textcoords": "offset points", "ha": "center", "va": "center"}
+        style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
         ax.annotate(f"$P_{i + 1}$", _MM * point, (x, y), **style)
     if concurrent:
         # Least squares over the lines through P_i along n'_i.
@@ -162,9 +162,9 @@ def draw_forces(ax: Axes, trace: Trace) -> None:
     for i, colour in enumerate(CONTACTS):
         size = 1.25 * float(np.linalg.norm(f[i]))
         _cone(ax, tail, nprime[i], beta[i], size, unit=1.0, color=colour, alpha=0.25)
-        ax.annotate(
-            "", tail + f[i], tail, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 2.5}
-        )
+        x, y = tail
+        arrow = {"arrowstyle": "-|>", "color": colour, "linewidth": 2.5}
+        ax.annotate("", tail + f[i], (x, y), arrowprops=arrow)
         ax.plot([], [], color=colour, linewidth=2.5, label=f"$f_{i + 1}$")
         tail = tail + f[i] + apart
     ax.margins(0.1)

@@ -97,7 +97,7 @@ def draw_grasp(
             f"{here}/fingertip",
             Sphere(tip or _MARK * L),
             colour,
-            0.7,
+            1.0,
             p_BC - tip * nhat_B,
         )
         _draw_cone(meshcat, f"{here}/friction_cone", p_BC, nhat_B, mu, _CONE * L, colour)
@@ -230,6 +230,8 @@ def _set_shape(
     """A shape at p_BS [m], its z axis along zhat_B."""
     meshcat.SetObject(path, shape, Rgba(*rgb(colour), opacity))
     _let_through(meshcat, path, opacity)
+    # Else drawn by distance, and all meshes, with vertices in B, count as if they were at Bo.
+    meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
     meshcat.SetTransform(path, _pose(p_BS, zhat_B))
 
 
