@@ -76,7 +76,7 @@ def kinds_table(results: Results) -> str:
     for result in results:
         groups[result["kind"]].append(result)
         if result["kind"] != "models":
-            groups["not ours"].append(result)
+            groups["all others"].append(result)
     for kind, members in groups.items():
         for peer in PEERS:
             ratios = _known(ratio(result, peer) for result in members)

@@ -63,7 +63,7 @@ class Recorder:
     def Delete(self, path: str) -> None:
         self.paths.add(path)
 
-    def SetObject(self, path: str, shape: Any, rgba: Any) -> None:
+    def SetObject(self, path: str, shape: Any, *_: Any) -> None:
         self.paths.add(path)
         self.shapes[path] = shape
 
@@ -71,7 +71,7 @@ class Recorder:
         self.paths.add(path)
         self.poses[path] = X
 
-    def SetTriangleMesh(self, path: str, p: Array, index: Array, *_: Any, side: Any) -> None:
+    def SetTriangleMesh(self, path: str, p: Array, index: Array, *_: Any, **__: Any) -> None:
         self.paths.add(path)
         self.meshes[path] = p.T[index.T]
 
@@ -127,7 +127,7 @@ def test_the_faces_that_are_drawn_have_their_area_and_close_around_the_object(pa
 def test_every_number_stands_upright_within_its_face(path: Path) -> None:
     polyhedron = load_object(path).polyhedron
     for face in polyhedron.faces:
-        label = label_F(face, 71, 0.06 * polyhedron.diameter)
+        label = label_F(face, 71, 0.06 * polyhedron.diameter, face.p_BF[None])
         assert shapely.contains(face.polygon_F, label)
         outward = face.R_BF[:, 2]
         up = np.eye(3)[1 if abs(outward[2]) > 0.9 else 2]

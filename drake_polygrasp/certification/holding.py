@@ -29,6 +29,12 @@ class Holding:
     spare_friction: Array
     """The least over contacts of mu n.f less the tangential force [N], shape (K,)."""
 
+    def rows(self, which: slice) -> Holding:
+        """Only some of the loads."""
+        return Holding(
+            self.squeeze, self.wrench_B[which], self.f_Bc_B[which], self.spare_friction[which]
+        )
+
 
 class HoldingProgram:
     """Maximise t: n.f - |f - (n.f) n| / mu >= t / 3 for forces that balance a load.
@@ -40,9 +46,9 @@ class HoldingProgram:
     def __init__(self, grasp: Grasp, p_BBcm: Array, rho: float) -> None:
         """Of `grasp`; centre of mass p_BBcm [m], shape (3,), and torque scale rho [m]."""
         self._grasp, self._rho, self._solver = grasp, rho, ClarabelSolver()
-        cones = cone_wrenches(
-            grasp.p_BC[None], grasp.nhat_TB_B[None], grasp.mu[None], p_BBcm, rho
-        )[0]
+        cones = cone_wrenches(grasp.p_BC[None], grasp.nhat_TB_B[None], grasp.mu[None], p_BBcm, rho)[
+            0
+        ]
         # A cone's first three columns are forces: nhat, mu t_1, mu t_2.
         self._spokes = cones[:, :, :3]
         self._A = np.vstack([cones.reshape(9, 6).T, np.tile([1.0, 0.0, 0.0], 3)])
@@ -71,7 +77,7 @@ class HoldingProgram:
         if not result.is_success() or result.GetSolution(self._t)[0] < 0:
             return None
         x = result.GetSolution(self._x).reshape(3, 3)
-        return squeeze * np.einsum("ir,irk->ik", x, self._spokes)
+        return np.asarray(squeeze * np.einsum("ir,irk->ik", x, self._spokes))
 
 
 def hold(
@@ -92,15 +98,13 @@ def hold(
     if len(found) < len(forces):
         return None
     f_Bc_B = np.array(found)
-    return Holding(
-        squeeze, frozen(wrench_B), frozen(f_Bc_B), frozen(spare_friction(grasp, f_Bc_B))
-    )
+    return Holding(squeeze, frozen(wrench_B), frozen(f_Bc_B), frozen(spare_friction(grasp, f_Bc_B)))
 
 
 def spare_friction(grasp: Grasp, f_Bc_B: Array) -> Array:
-    """How much tangential force each grasp's scarcest contact could still take [N], shape (K,).
+    """How much more tangential force the contact that has least could take [N], shape (...).
 
-    Of forces f_Bc_B [N], shape (K, 3, 3).
+    Of forces f_Bc_B [N], shape (..., 3, 3).
     """
     push = normal_forces(grasp, f_Bc_B)
     sideways = f_Bc_B - push[..., None] * grasp.nhat_TB_B

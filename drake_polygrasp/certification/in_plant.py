@@ -8,6 +8,7 @@ is reported as it is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
@@ -16,30 +17,32 @@ from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.multibody.plant import (
-    AddMultibodyPlantSceneGraph,
-    CalcContactFrictionFromSurfaceProperties,
-)
-from pydrake.systems.framework import DiagramBuilder
 
 from drake_polygrasp.certification import exact, simulation, statics
 from drake_polygrasp.certification.certify import prove
+from drake_polygrasp.certification.geometry import check_geometry
 from drake_polygrasp.certification.holding import Holding, hold
-from drake_polygrasp.certification.scratch_plant import (
-    Scene,
-    add_surface,
-    add_tip,
-    make_scene,
-)
+from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval, squeeze_force
-from drake_polygrasp.grasp import Array, Grasp, GraspObject, Verdict, frozen
-from drake_polygrasp.seating import ON_SURFACE, face_of
+from drake_polygrasp.grasp import Array, Grasp, GraspObject, Verdict
 
 LOAD_SHARE = 0.8
 """Ours: of what the squeeze bears in the worst direction. The hand squeezes with the squeeze force
 over this; disturbances, the weight included, are this times squeeze times epsilon."""
-ROUNDING = 1e-9
-"""Ours, relative: what a combination of friction coefficients may be off."""
+
+
+LABELS = (
+    *(f"weight along {sign}{axis}" for sign in "+-" for axis in "xyz"),
+    *(
+        f"{kind} {sign}{axis}"
+        for sign in "+-"
+        for kind in ("force along", "torque about")
+        for axis in "xyz"
+    ),
+    "the wrench that the grasp bears least",
+)
+"""The loads of every plan, in order."""
+_NUM_WEIGHTS = 6
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ def certify_in_plant(
     """
     scene = make_scene(object_, grasp, tip_radius, package_paths)
     mathematics = _exact(grasp, internal_force), _convex(grasp)
-    geometry = check_geometry(scene)
+    geometry = _geometry(scene)
     settings: dict[str, Any] = {
         "drake": metadata.version("drake"),
         "tip_radius": scene.tip_radius,
@@ -107,19 +110,123 @@ def certify_in_plant(
         "load_share": LOAD_SHARE,
         **simulation.settings(),
     }
-    plan, obstacle = _plan_loads(scene)
+    plan = plan_loads(scene)
     if geometry.verdict is not Verdict.HOLDS:
-        plan, obstacle = None, _Obstacle(Verdict.UNDECIDED, "not run: the geometry does not hold")
-    if plan is None:
+        plan = Obstacle(Verdict.UNDECIDED, "not run: the geometry does not hold")
+    if isinstance(plan, Obstacle):
         rest = (
-            PlantVerdict("statics", obstacle.verdict, None, "N", obstacle.reason),
-            PlantVerdict("simulation", obstacle.verdict, None, "1", obstacle.reason),
+            PlantVerdict("statics", plan.verdict, None, "N", plan.reason),
+            PlantVerdict("simulation", plan.verdict, None, "1", plan.reason),
         )
         return PlantReport((*mathematics, geometry, *rest), settings)
-    settings["squeeze"] = plan.holding.squeeze
     equilibria = statics.find_equilibria(scene, plan.weight)
     trace = simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat)
-    verdicts = _statics(plan, equilibria), _simulation(scene, plan, trace)
     return PlantReport(
-        (*mathematics, geometry, *verdicts), settings, equilibria, trace, plan.labels
+        (*mathematics, geometry, _statics(plan, equilibria), _simulation(scene, plan, trace)),
+        settings | {"squeeze": plan.holding.squeeze},
+        equilibria,
+        trace,
+        plan.labels,
     )
+
+
+def _exact(grasp: Grasp, internal_force: Array | None) -> PlantVerdict:
+    if internal_force is None:
+        internal_force = prove(grasp).internal_force
+    if internal_force is None:
+        return PlantVerdict("exact", Verdict.FAILS, None, "1", "there is no internal force")
+    numbers = grasp.p_BC.tolist(), grasp.nhat_TB_B.tolist(), grasp.mu.tolist()
+    check = exact.check_force_closure(*numbers, internal_force.tolist())
+    margin = exact.attained_margin(*numbers, internal_force.tolist())
+    stated = margin if math.isfinite(margin) else None
+    return PlantVerdict("exact", _verdict(check.ok), stated, "1", check.reason)
+
+
+def _convex(grasp: Grasp) -> PlantVerdict:
+    proof = prove(grasp)
+    margin = proof.margin if proof.verdict is Verdict.HOLDS else None
+    return PlantVerdict("convex", proof.verdict, margin, "1", proof.reason)
+
+
+def _verdict(holds: bool) -> Verdict:
+    return Verdict.HOLDS if holds else Verdict.FAILS
+
+
+def _geometry(scene: Scene) -> PlantVerdict:
+    fit = check_geometry(scene)
+    reason = fit.faults[0] if fit.faults else ""
+    return PlantVerdict("geometry", _verdict(not fit.faults), fit.margin, "m", reason)
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """Why no loads can be planned."""
+
+    verdict: Verdict
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPlan:
+    """A squeeze, the loads that it should bear, and the forces that bear them."""
+
+    squeeze_f_B: Array
+    """Forces on B without a load [N], shape (3, 3)."""
+    holding: Holding
+    labels: tuple[str, ...]
+    """What each load is."""
+
+    @property
+    def weight(self) -> Holding:
+        """The loads that are the weight along an axis."""
+        return self.holding.rows(slice(_NUM_WEIGHTS))
+
+
+def plan_loads(scene: Scene) -> LoadPlan | Obstacle:
+    """The weight along each axis, and disturbances along each axis and where W is narrowest.
+
+    A disturbance is a whole load, the weight included: a force [N] along an axis of B or a torque
+    over rho about one, or both along the normal of W's nearest facet.
+    """
+    object_, grasp = scene.object_, scene.grasp
+    if object_.mass is None:
+        return Obstacle(Verdict.UNDECIDED, "not run: the model states no mass")
+    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
+    needed = squeeze_force(*contacts, object_.p_BBcm, object_.rho, object_.mass)
+    if needed is None:
+        return Obstacle(Verdict.FAILS, "no squeeze holds the weight in every orientation")
+    squeeze = needed / LOAD_SHARE
+    axes = np.concatenate([np.eye(6), -np.eye(6)])
+    weight = object_.mass * GRAVITY * np.concatenate([np.eye(3, 6), -np.eye(3, 6)])
+    epsilon = epsilon_interval(*contacts, object_.p_BBcm, object_.rho)
+    narrowest = -epsilon.normals[epsilon.offsets.argmin()]
+    disturbances = LOAD_SHARE * squeeze * epsilon.lower * np.vstack([axes, narrowest])
+    disturbances[:, 3:] *= object_.rho
+    loads = np.vstack([np.zeros(6), weight, disturbances])
+    holding = hold(grasp, object_.p_BBcm, object_.rho, loads, squeeze)
+    if holding is None:
+        return Obstacle(Verdict.FAILS, "no contact forces hold the loads")
+    return LoadPlan(holding.f_Bc_B[0], holding.rows(slice(1, None)), LABELS)
+
+
+def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium]) -> PlantVerdict:
+    faults = [
+        f"{label}: {equilibrium.fault}"
+        for label, equilibrium in zip(plan.labels, equilibria, strict=False)
+        if equilibrium.fault
+    ]
+    spare = float(plan.weight.spare_friction.min())
+    reason = faults[0] if faults else "on pads"
+    return PlantVerdict("statics", _verdict(not faults and spare > 0), spare, "N", reason)
+
+
+def _simulation(scene: Scene, plan: LoadPlan, trace: simulation.Trace) -> PlantVerdict:
+    outcome = simulation.judge(trace, len(plan.labels), scene.object_.polyhedron.diameter)
+    reason = "" if scene.solid.is_hulls else "on pads"
+    if outcome.lost is not None:
+        under = plan.labels[outcome.lost] if outcome.lost >= 0 else "squeeze"
+        reason = f"a fingertip loses the object: {under}"
+    elif outcome.margin < 0:
+        left = {"slip": outcome.slip, "creep": outcome.creep, "force": outcome.force}
+        reason = f"the bound of {min(left, key=lambda name: left[name])} is exceeded"
+    return PlantVerdict("simulation", _verdict(outcome.margin >= 0), outcome.margin, "1", reason)

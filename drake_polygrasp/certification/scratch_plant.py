@@ -97,9 +97,7 @@ def add_pads(
         R_BP = RotationMatrix.MakeFromOneVector(nhat_TB_B, 2)
         X_BP = RigidTransform(R_BP, p_BC + w / 2 * nhat_TB_B)
         material = _material(mu, stiffness)
-        ids.append(
-            plant.RegisterCollisionGeometry(body, X_BP, Box(w, w, w), f"pad_{i}", material)
-        )
+        ids.append(plant.RegisterCollisionGeometry(body, X_BP, Box(w, w, w), f"pad_{i}", material))
     return ids
 
 

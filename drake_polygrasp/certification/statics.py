@@ -23,15 +23,12 @@ from pydrake.multibody.tree import MultibodyForces
 from pydrake.solvers import SnoptSolver, SolverOptions
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_polygrasp.certification.holding import Holding
+from drake_polygrasp.certification.holding import Holding, spare_friction
 from drake_polygrasp.certification.scratch_plant import Scene, add_pads, add_tip
 from drake_polygrasp.grasp import Array, frozen
 
 TOLERANCE = 1e-6
 """Ours: what may stay unbalanced, times the weight; SNOPT's tolerances too."""
-AGREEMENT = 0.05
-"""Ours: how far Drake's forces may be from those planned, times the squeeze. Both hold; there are
-many that do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +45,8 @@ class Equilibrium:
     """The forces of Drake's contact wrenches on B [N], likewise."""
     drake_residual: float
     """What Drake's forces leave unbalanced; infinite if it failed."""
-    difference: float
-    """Greatest of Drake's forces less those planned, over the squeeze; infinite if it failed."""
+    drake_spare_friction: float
+    """As `Holding.spare_friction`, of Drake's forces [N]; infinitely negative if it failed."""
 
     @property
     def fault(self) -> str:
@@ -60,8 +57,8 @@ class Equilibrium:
             return "StaticEquilibriumProblem finds no contact forces"
         if not self.drake_residual <= TOLERANCE:
             return f"StaticEquilibriumProblem leaves {self.drake_residual:.2g} of the weight"
-        if not self.difference <= AGREEMENT:
-            return f"StaticEquilibriumProblem differs by {self.difference:.2g} of the squeeze"
+        if not self.drake_spare_friction >= -TOLERANCE * np.linalg.norm(self.weight_B):
+            return "StaticEquilibriumProblem uses more friction than there is"
         return ""
 
 
@@ -80,15 +77,12 @@ def find_equilibria(scene: Scene, holding: Holding) -> tuple[Equilibrium, ...]:
         plant.mutable_gravity_field().set_gravity_vector(gravity)
         residual = _residual(scene, plant, scene.grasp.p_BC, f_Bc_B)
         p_BC, f_D = solver.solve(gravity, scene.grasp.nhat_TB_B, f_Bc_B)
-        drake_residual, difference = math.inf, math.inf
+        drake_residual, drake_spare = math.inf, -math.inf
         if len(f_D):
             drake_residual = _residual(scene, plant, p_BC, f_D)
-            difference = float(np.abs(f_D - f_Bc_B).max()) / holding.squeeze
-        equilibria.append(
-            Equilibrium(
-                frozen(wrench[:3]), residual, frozen(p_BC), frozen(f_D), drake_residual, difference
-            )
-        )
+            drake_spare = float(spare_friction(scene.grasp, f_D))
+        weight, p_BC, f_D = frozen(wrench[:3]), frozen(p_BC), frozen(f_D)
+        equilibria.append(Equilibrium(weight, residual, p_BC, f_D, drake_residual, drake_spare))
     return tuple(equilibria)
 
 

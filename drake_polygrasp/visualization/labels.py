@@ -42,30 +42,36 @@ def number_shape(number: int) -> shapely.MultiPolygon:
     return shapely.transform(shape, lambda xy: xy / 6)
 
 
-def label_F(face: Face, number: int, largest: float) -> shapely.MultiPolygon:
+def label_F(face: Face, number: int, largest: float, keep_clear_B: Array) -> shapely.MultiPolygon:
     """The number on its face, in the coordinates of Fx and Fy [m], upright as seen from outside.
 
     Upright is towards Bz, on faces about level with it towards By. It stands at the face's
     centroid where there is room, else in the middle of its largest disc; digits are as high as
-    fits, `largest` [m] at most.
+    fits, `largest` [m] at most. Points `keep_clear_B` [m], shape (K, 3), are avoided if the rest
+    of the face has room for as high digits.
     """
-    polygon = face.polygon_F
-    center, radius = _room(polygon)
     shape = number_shape(number)
-    reach = np.linalg.norm(shapely.get_coordinates(shape), axis=1).max()
-    size = min(largest, 0.8 * radius / reach)
+    reach = np.linalg.norm(shapely.get_coordinates(shape), axis=1).max() / 0.8
+    xy = ((keep_clear_B - face.p_BF) @ face.R_BF)[:, :2]
+    clear = face.polygon_F - shapely.buffer(shapely.MultiPoint(xy), largest)
+    center, radius = _room(clear)
+    if radius < largest * reach:
+        center, radius = _room(face.polygon_F)
+    size = min(largest, radius / reach)
     upward = np.eye(3)[1 if abs(face.R_BF[2, 2]) > 0.9 else 2]
     up = face.R_BF[:, :2].T @ upward
     up /= np.linalg.norm(up)
     right = np.array([up[1], -up[0]])
-    return shapely.transform(shape, lambda xy: center + size * xy @ np.array([right, up]))
+    return shapely.transform(shape, lambda v: center + size * v @ np.array([right, up]))
 
 
-def _room(polygon: shapely.Polygon) -> tuple[Array, float]:
+def _room(shape: shapely.Geometry) -> tuple[Array, float]:
     """Where on a face there is room, and the radius of that room [m]."""
-    circle = shapely.maximum_inscribed_circle(polygon)  # a segment, from centre to border
+    if shapely.is_empty(shape):
+        return np.zeros(2), 0.0
+    circle = shapely.maximum_inscribed_circle(shape)  # a segment, from centre to border
     radius = shapely.length(circle)
-    at_centroid = shapely.distance(polygon.centroid, polygon.boundary)
-    if polygon.contains(polygon.centroid) and at_centroid > 0.7 * radius:
-        return shapely.get_coordinates(polygon.centroid)[0], at_centroid
+    at_centroid = shapely.distance(shape.centroid, shape.boundary)
+    if shape.contains(shape.centroid) and at_centroid > 0.7 * radius:
+        return shapely.get_coordinates(shape.centroid)[0], at_centroid
     return shapely.get_coordinates(circle)[0], radius

@@ -53,7 +53,10 @@ def save_html(
             "note": NOTE,
             # Drake puts relative paths below its own.
             "path": PurePosixPath("/drake", path, "grasps").parts[1:],
-            "grasps": [_rows(grasp) for grasp in grasps],
+            "grasps": [
+                [("grasp", f"{rank} of {len(grasps)}"), *_rows(grasp)]
+                for rank, grasp in enumerate(grasps, start=1)
+            ],
         }
         # "</script>" in a name must not end the script.
         text = json.dumps(scene).replace("</", "<\\/")

@@ -29,17 +29,22 @@ _TIP, _MARK, _CONE, _LABEL = 0.02, 0.012, 0.14, 0.06
 _LIFT = 1e-3
 """Times L, ours: how far what lies on a face is lifted, lest the two flicker."""
 
+_NOWHERE = np.empty((0, 3))
+
 AnyGrasp = CertifiedGrasp | StatedGrasp
 """A grasp as planned, or as a file states it."""
 
 
-def draw_object(meshcat: Meshcat, object_: GraspObject, path: str = PATH) -> None:
+def draw_object(
+    meshcat: Meshcat, object_: GraspObject, *, path: str = PATH, keep_clear_B: Array = _NOWHERE
+) -> None:
     """Draws an object: translucent faces with their edges and numbers, and its centre of mass.
 
     Args:
         meshcat: where to draw; nothing but `path` is changed.
         object_: the object.
         path: drawn in body frame B below `path`/object.
+        keep_clear_B: points that numbers keep away from where they can [m], shape (K, 3).
     """
     L, faces = object_.polyhedron.diameter, object_.polyhedron.faces
     path = f"{path}/object"
@@ -48,7 +53,7 @@ def draw_object(meshcat: Meshcat, object_: GraspObject, path: str = PATH) -> Non
     ends = np.concatenate([_edges(face) for face in faces])
     meshcat.SetLineSegments(f"{path}/edges", ends[:, 0].T, ends[:, 1].T, 1.5, Rgba(*rgb(INK)))
     labels = [
-        _triangles(face, label_F(face, k, _LABEL * L), 2 * _LIFT * L)
+        _triangles(face, label_F(face, k, _LABEL * L, keep_clear_B), 2 * _LIFT * L)
         for k, face in enumerate(faces)
     ]
     _set_mesh(
@@ -122,7 +127,8 @@ def draw_grasps(
 
     Args as of `draw_grasp`; see `show_rank`.
     """
-    draw_object(meshcat, object_, path)
+    contacts_B = grasps[0].grasp.p_BC if grasps else _NOWHERE
+    draw_object(meshcat, object_, path=path, keep_clear_B=contacts_B)
     meshcat.Delete(f"{path}/grasps")
     for rank, grasp in enumerate(grasps, start=1):
         draw_grasp(meshcat, object_, grasp, tip_radius=tip_radius, path=f"{path}/grasps/{rank}")

@@ -1,0 +1,150 @@
+"""The benchmark's peers are right: they draw fairly, and find what is known to be there."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from solids import cube, solid
+
+from benchmarks.long_search import best_known, joined
+from benchmarks.measure import search
+from benchmarks.objects import generated, models
+from benchmarks.peers import (
+    Surface,
+    Triples,
+    antipodal_triples,
+    best_of,
+    closed,
+    coarse_bound,
+    draw_points,
+    epsilon_of,
+    random_triples,
+    surface_of,
+    upper_bound,
+)
+from benchmarks.tables import growth_table, kinds_table, row
+from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.polyhedron import erode
+from drake_polygrasp.wrench import force_closure
+from tests.convex_polyhedra import holed_prism
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+@pytest.fixture(scope="module")
+def holed() -> GraspObject:
+    return solid(holed_prism(8, 2, seed=1))
+
+
+@pytest.fixture(scope="module")
+def surface(holed: GraspObject) -> Surface:
+    return surface_of(erode(holed.polyhedron))
+
+
+def test_points_are_drawn_on_their_regions_as_often_as_area_says(surface: Surface) -> None:
+    p_BC, region = draw_points(surface, (20_000,), rng())
+    regions = surface.regions
+    p_FC = np.einsum("mji,mj->mi", regions.R_BF[region], p_BC - regions.p_BF[region])
+    distance = shapely.distance(regions.polygon_F[region], shapely.points(p_FC[:, :2]))
+    assert distance.max() < 1e-12
+    assert np.abs(p_FC[:, 2]).max() < 1e-12
+    expected = 20_000 * regions.area / regions.area.sum()
+    counts = np.bincount(region, minlength=len(expected))
+    assert (np.abs(counts - expected) < 5 * np.sqrt(expected)).all()
+
+
+def test_antipodal_pairs_lie_in_both_friction_cones_and_on_their_regions(surface: Surface) -> None:
+    triples = antipodal_triples(surface, 2_000, rng())
+    assert len(triples.mu) > 500
+    along = triples.p_BC[:, 1] - triples.p_BC[:, 0]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    cosine = np.abs(np.einsum("mci,mi->mc", triples.nhat_TB_B[:, :2], along))
+    assert (cosine >= 1 / np.sqrt(1 + triples.mu[:, :2] ** 2) - 1e-9).all()
+    regions, r = surface.regions, triples.region[:, 1]
+    p_FC = np.einsum("mji,mj->mi", regions.R_BF[r], triples.p_BC[:, 1] - regions.p_BF[r])
+    distance = shapely.distance(regions.polygon_F[r], shapely.points(p_FC[:, :2]))
+    assert max(distance.max(), np.abs(p_FC[:, 2]).max()) < 1e-9
+
+
+def test_on_a_cube_every_antipodal_pair_is_of_opposite_faces() -> None:
+    triples = antipodal_triples(surface_of(erode(cube().polyhedron)), 500, rng())
+    facing = np.einsum("mi,mi->m", triples.nhat_TB_B[:, 0], triples.nhat_TB_B[:, 1])
+    assert facing == pytest.approx(-1)
+
+
+def test_the_filter_drops_no_triple_of_force_closure(holed: GraspObject, surface: Surface) -> None:
+    triples = random_triples(surface, 2_000, rng())
+    rows = closed(holed, triples, tip_radius=0.0)
+    assert rows.tolist() == np.flatnonzero(force_closure(*triples.contacts)).tolist()
+
+
+def test_pruning_loses_nothing(holed: GraspObject, surface: Surface) -> None:
+    triples = random_triples(surface, 1_000, rng())
+    triples = triples.take(closed(holed, triples, tip_radius=0.0))
+    epsilon = [epsilon_of(holed, triples.take([k])) for k in range(len(triples.mu))]
+    assert len(epsilon) > 10
+    assert (coarse_bound(holed, triples) >= epsilon).all()
+    assert (upper_bound(holed, triples) >= epsilon).all()
+    _, found = best_of(holed, triples)
+    assert found == pytest.approx(max(epsilon), rel=1e-12)
+
+
+def test_the_long_search_never_ends_below_where_it_starts() -> None:
+    box = cube()
+    surface = surface_of(erode(box.polyhedron))
+    start, result = search(box, random_triples, tip_radius=0.0, num=500)
+    found, epsilon = best_known(box, surface, 0.0, rng(), joined(start), num=1_000)
+    assert force_closure(*found.contacts).all()
+    # Two contacts on a diagonal of one face, one in the middle of the other: 40 percent more.
+    assert epsilon > 1.2 * result["epsilon"]
+
+
+def test_no_triples_give_no_grasp() -> None:
+    none = Triples(
+        np.empty((0, 3, 3)), np.empty((0, 3), int), np.empty((0, 3, 3)), np.empty((0, 3))
+    )
+    best, epsilon = best_of(cube(), none)
+    assert (len(best.mu), epsilon) == (0, 0.0)
+
+
+def test_there_are_sixty_generated_objects_of_many_kinds(tmp_path: Path) -> None:
+    subjects = generated(tmp_path)
+    assert len({subject.name for subject in subjects}) == len(subjects) >= 60
+    assert len({subject.kind for subject in subjects}) >= 5
+    assert all(subject.file.exists() for subject in [*subjects, *models()])
+
+
+def test_ratios_are_ours_over_theirs() -> None:
+    def result(name: str, ours: float, theirs: float) -> dict[str, object]:
+        seconds = {"load": 0.0, "plan": 0.5, "certify": 0.0}
+        mine = {"epsilon": ours, "sets": 1, "faces": 6, "seconds": seconds, "megabytes": 1.0}
+        random = {"epsilon": theirs, "seconds": {"total": 0.25}}
+        return {"kind": "k", "name": name, "ours": mine, "random": random}
+
+    results = [result("ellipsoid_10_s0", 0.3, 0.2), result("ellipsoid_30_s0", 0.1, 0.2)]
+    assert row(results[0]).split()[7] == "1.50"
+    line = kinds_table(results).splitlines()[1]
+    assert line.split() == ["k", "2", "random", "1.000", "0.520", "0.500", "50", "%"]
+    assert "0.00" in growth_table(results)
+
+
+def test_the_command_prints_its_tables(tmp_path: Path) -> None:
+    out = tmp_path / "out.json"
+    command = [sys.executable, "-m", "benchmarks.compare", "wedge", "--repeat", "1", "--long", "0"]
+    done = subprocess.run(
+        [*command, "--json", str(out)], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert "wedge" in done.stdout
+    (result,) = json.loads(out.read_text())
+    assert result["ours"]["epsilon"] > result["random"]["epsilon"] > 0
+    assert result["ours"]["megabytes"] > 50

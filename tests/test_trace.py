@@ -1,0 +1,159 @@
+"""A trace shows the planner's own steps: the same sets fall, and the same contacts come out."""
+
+from __future__ import annotations
+
+import itertools
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from matplotlib.colors import to_hex
+
+from drake_polygrasp import GraspObject, UsageError, explain_sets, load_object, plan_grasps
+from drake_polygrasp.planning.trace import trace
+from drake_polygrasp.planning.traced import Trace
+from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
+from drake_polygrasp.visualization.palette import CONTACTS, PLANE
+
+MODELS = Path(__file__).parents[1] / "models"
+FILES = {
+    "l_bracket": "l_bracket.sdf",
+    "plate_with_hole": "plate_with_hole.sdf",
+    "skewed_block": "skewed_block.sdf",
+    "t_block": "t_block.urdf",
+    "triangular_prism": "triangular_prism.sdf",
+}
+
+
+@cache
+def object_(name: str) -> GraspObject:
+    return load_object(MODELS / name / FILES[name])
+
+
+@cache
+def traces(name: str) -> dict[tuple[int, ...], Trace]:
+    """Of every set of two and three faces."""
+    n = len(object_(name).polyhedron.faces)
+    sets = [s for k in (2, 3) for s in itertools.combinations(range(n), k)]
+    return {faces: trace(object_(name), faces) for faces in sets}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_set_ends_in_its_trace_as_it_does_in_explain(name: str) -> None:
+    explanation = explain_sets(object_(name), method="paper")
+    built = {"certified", "collinear", "tip_blocked", "not_force_closure", "not_evaluated"}
+    for faces, reason in zip(explanation.faces.tolist(), explanation.reasons, strict=True):
+        its = traces(name)[tuple(sorted({*faces} - {-1}))].reason
+        assert its == reason or (its == "not_evaluated" and reason in built)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_traced_contacts_are_the_planned_ones(name: str) -> None:
+    for certified in plan_grasps(object_(name), method="paper", top=50).grasps:
+        grasp = certified.grasp
+        its = traces(name)[tuple(sorted({*grasp.faces}))]
+        assert its.faces == grasp.faces
+        assert its.p_BC == pytest.approx(grasp.p_BC, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_contacts_are_on_their_segments_and_the_centroid_is_that_of_p(name: str) -> None:
+    L = object_(name).polyhedron.diameter
+    for its in traces(name).values():
+        plane = its.on_pi_p
+        if plane is None:
+            continue
+        centroid = shapely.get_coordinates(plane.region_p.centroid)[0]
+        assert plane.p_cI == pytest.approx(centroid, abs=1e-9 * L)
+        if plane.contacts is not None:
+            gap = shapely.distance(plane.segments, shapely.points(plane.contacts))
+            assert gap.max() < 1e-9 * L
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_segments_are_where_the_plane_cuts_the_faces(name: str) -> None:
+    for its in traces(name).values():
+        plane = its.on_pi_p
+        if plane is None:
+            continue
+        N = np.cross(*plane.axes_B)
+        for index, segments in zip(its.faces, plane.segments, strict=True):
+            face = object_(name).polyhedron.faces[index]
+            xy = shapely.get_coordinates(segments)
+            p_F = (xy @ plane.axes_B + plane.height * N - face.p_BF) @ face.R_BF
+            assert np.abs(p_F[:, 2]).max() < 1e-7
+            assert shapely.contains(face.polygon_F, shapely.points(p_F[:, :2])).all()
+
+
+def test_strips_hold_their_faces_and_r_l_is_in_all_of_them() -> None:
+    for its in traces("skewed_block").values():
+        plane = its.on_pi_l
+        if plane is None or plane.region_l is None:
+            continue
+        that = np.column_stack([-plane.nprime[:, 1], plane.nprime[:, 0]])
+        for i in range(3):
+            across = shapely.get_coordinates(plane.faces[i]) @ that[i]
+            assert [across.min(), across.max()] == pytest.approx([plane.low[i], plane.high[i]])
+            inside = shapely.get_coordinates(plane.region_l) @ that[i]
+            assert plane.low[i] - 1e-9 <= inside.min()
+            assert inside.max() <= plane.high[i] + 1e-9
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_grasp_plane_stays_within_r_s(name: str) -> None:
+    planes = [its.on_pi_s for its in traces(name).values() if its.on_pi_s is not None]
+    assert planes
+    assert all(plane.low < plane.height < plane.high for plane in planes)
+
+
+def test_faces_that_are_no_set_are_a_usage_error() -> None:
+    for faces in ((1,), (1, 2, 3, 4), (1, 99)):
+        with pytest.raises(UsageError, match="no set of two or three"):
+            trace(object_("l_bracket"), faces)
+
+
+@pytest.mark.parametrize(
+    ("name", "faces", "panels"),
+    [
+        ("l_bracket", (2, 4, 7), 4),  # three faces
+        ("l_bracket", (2, 3, 4), 3),  # parallel: no Pi_l
+        ("l_bracket", (1, 5), 3),  # a pair
+        ("plate_with_hole", (0, 4, 5), 3),  # no contacts: no forces
+        ("l_bracket", (0, 1, 2), 0),  # fell at orientation
+    ],
+)
+def test_a_figure_has_a_panel_for_each_plane_that_the_set_came_to(
+    name: str, faces: tuple[int, ...], panels: int, tmp_path: Path
+) -> None:
+    its = traces(name)[faces]
+    figure = draw_trace(its)
+    assert len(figure.axes) == panels
+    title = figure.get_suptitle()
+    assert ("contacts found" in title) == (its.p_BC is not None)
+    assert its.p_BC is not None or its.reason in title
+    figure.savefig(tmp_path / "figure.png", dpi=50)
+    for ax in figure.axes:
+        drawn = {to_hex(line.get_color()).upper() for line in ax.lines}
+        drawn |= {to_hex(patch.get_facecolor()).upper() for patch in ax.patches}
+        assert drawn & {*CONTACTS}, ax.get_title()
+        assert ax.get_legend() is not None
+
+
+def test_the_force_triangle_closes() -> None:
+    for faces in ((2, 4, 7), (2, 3, 4)):
+        ax = draw_trace(traces("l_bracket")[faces]).axes[-1]
+        arrows = [(text.xy, text.xyann) for text in ax.texts]  # type: ignore[attr-defined]
+        total = sum(np.subtract(head, tail) for head, tail in arrows)
+        assert len(arrows) == 3
+        assert np.abs(total).max() < 1e-9
+
+
+def test_reasons_are_bars_as_long_as_their_counts() -> None:
+    from matplotlib.figure import Figure
+
+    ax = Figure().add_subplot()
+    draw_reasons(ax, {"certified": 3, "orientation": 7})
+    assert [bar.get_width() for bar in ax.patches] == [3, 7]  # type: ignore[attr-defined]
+    assert to_hex(ax.patches[0].get_facecolor()).upper() == PLANE
