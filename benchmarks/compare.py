@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import subprocess
 import sys
 import tempfile
@@ -86,12 +87,18 @@ def measure(subject: Subject, arguments: argparse.Namespace) -> dict[str, Any]:
     result["ours"] = ours = run("ours", method="enriched", repeat=arguments.repeat)
     if arguments.alone:
         return result
-    grasp = {name: ours.get(name) for name in ("p_BC", "face")}
-    found = run("peers", num_long=arguments.long, **grasp)
-    result |= {"error": found["error"]} if "error" in found else found
-    if ours.get("faces", 0) <= LARGEST_FOR_PAPER:
+    found = run("peers", repeat=arguments.repeat)
+    result |= {"peers": found} if "error" in found else found
+    starts = [grasp for grasp in (ours, *found.values()) if _is_grasp(grasp)]
+    if arguments.long and starts:
+        result["best"] = run("long", num=arguments.long, starts=starts)
+    if ours.get("faces", math.inf) <= LARGEST_FOR_PAPER:
         result["paper"] = run("ours", method="paper", repeat=1)
     return result
+
+
+def _is_grasp(found: Any) -> bool:
+    return isinstance(found, dict) and found.get("p_BC") is not None
 
 
 def _in_child(request: dict[str, Any], timeout: float) -> dict[str, Any]:

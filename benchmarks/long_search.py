@@ -7,6 +7,7 @@ the low side: the true optimum may be better.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -19,6 +20,7 @@ from benchmarks.peers import (
     closed,
     coarse_bound,
     draw_points,
+    epsilon_of,
     random_triples,
     triples_at,
     upper_bound,
@@ -28,12 +30,22 @@ from drake_polygrasp.grasp import Array, GraspObject, Ints
 NUM_TRIPLES = 50_000
 _POOL = 10_000
 """Points that contacts may jump to."""
-_STARTS = 16
-_TRIES = 24
-_STEPS = np.geomspace(0.3, 0.001, 40)
-"""Length of moves, over the diameter."""
 _JUMP = 0.3
-"""Chance that a moved contact may change faces."""
+"""Chance that a contact may change faces, and that it moves within its own."""
+
+
+class Effort(NamedTuple):
+    """How contacts are moved: the best `starts` rows, `tries` moves each a round."""
+
+    starts: int
+    tries: int
+    rounds: int
+    longest: float
+    """Moves of the first round, over the diameter; they shrink to a thousandth."""
+
+
+EFFORTS = (Effort(24, 16, 25, 0.3), Effort(6, 48, 40, 0.1))
+"""Many starts, then the best of their ends."""
 
 
 def best_known(
@@ -43,14 +55,23 @@ def best_known(
     rng: np.random.Generator,
     others: Triples,
     num: int = NUM_TRIPLES,
+    efforts: tuple[Effort, ...] = EFFORTS,
 ) -> tuple[Triples, float]:
     """The best triple found and its epsilon, never less than of `others`, which must hold."""
     drawn = random_triples(surface, num, rng)
     drawn = drawn.take(closed(object_, drawn, tip_radius))
-    drawn = drawn.take(_highest(coarse_bound(object_, drawn), 20 * _STARTS))
-    starts = joined(others, drawn.take(_highest(upper_bound(object_, drawn), _STARTS)))
+    drawn = drawn.take(_highest(coarse_bound(object_, drawn), 20 * efforts[0].starts))
+    drawn = drawn.take(_highest(upper_bound(object_, drawn), efforts[0].starts))
     search = _Search(object_, surface, tip_radius, *_pool(surface, rng), rng)
-    return best_of(object_, joined(starts, search.improved(starts)))
+    found = joined(others, drawn)
+    for effort in efforts:
+        # Measured, for moves that follow a bound may end where it is wrong.
+        epsilon = np.array(
+            [epsilon_of(object_, found.take(np.array([k]))) for k in range(len(found.mu))]
+        )
+        starts = found.take(_highest(epsilon, effort.starts))
+        found = joined(found, search.improved(starts, effort))
+    return best_of(object_, found)
 
 
 def joined(*several: Triples) -> Triples:
@@ -83,10 +104,11 @@ class _Search:
     pool_region: Ints
     rng: np.random.Generator
 
-    def improved(self, starts: Triples) -> Triples:
+    def improved(self, starts: Triples, effort: Effort) -> Triples:
         best, value = starts, upper_bound(self.object_, starts)
-        owner = np.repeat(np.arange(len(value)), _TRIES)
-        for step in _STEPS * self.object_.polyhedron.diameter:
+        L = self.object_.polyhedron.diameter
+        owner = np.repeat(np.arange(len(value)), effort.tries)
+        for step in L * np.geomspace(effort.longest, 1e-3, effort.rounds):
             tries = self._moved(best.take(owner), step)
             rows = np.flatnonzero(coarse_bound(self.object_, tries) > value[owner])
             rows = rows[closed(self.object_, tries.take(rows), self.tip_radius)]

@@ -80,6 +80,15 @@ def generated(folder: Path, most: int | None = None) -> list[Subject]:
 
 
 def in_folder(folder: Path) -> list[Subject]:
-    """Every model file in a folder and below."""
-    files = sorted(path for path in folder.rglob("*") if path.suffix in SUFFIXES)
-    return [Subject(folder.name, str(f.relative_to(folder)), f, None) for f in files]
+    """Every model file in a folder and below; meshes only where no model beside them uses them."""
+    files = sorted(
+        path
+        for path in folder.resolve().rglob("*")
+        if path.suffix in SUFFIXES and path.name != "package.xml"
+    )
+    described = {path.parent for path in files if path.suffix != ".obj"}
+    return [
+        Subject(folder.name, str(file.relative_to(folder.resolve())), file, None)
+        for file in files
+        if file.suffix != ".obj" or file.parent not in described
+    ]

@@ -30,6 +30,8 @@ _BATCH = 32
 """Triples bounded at once, best coarse bound first: the first batches spare the others."""
 _RAYS = 256
 """Rays intersected at once, which bounds memory."""
+_TINY = 1e-100
+"""Keeps divisions finite where two contacts are one: such triples are bounded by 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,8 @@ def draw_points(
     t = np.minimum(t, len(surface.area) - 1)
     a, b = np.sqrt(u[1]), u[2]
     weights = np.stack([1 - a, a * (1 - b), a * b], axis=-1)
-    return (weights[..., None, :] @ surface.triangles_B[t])[..., 0, :], surface.region[t]
+    points: Array = (weights[..., None, :] @ surface.triangles_B[t])[..., 0, :]
+    return points, surface.region[t]
 
 
 def triples_at(regions: Regions, p_BC: Array, region: Ints) -> Triples:
@@ -145,7 +148,8 @@ def _in_cones(R_BF: Array, mu: Array, rng: np.random.Generator) -> Array:
     turn = 2 * np.pi * rng.random(len(mu))
     tangential = mu * np.sqrt(rng.random(len(mu)))
     local = np.stack([tangential * np.cos(turn), tangential * np.sin(turn), -np.ones_like(mu)], -1)
-    return np.einsum("mij,mj->mi", R_BF, local) / np.sqrt(1 + tangential**2)[:, None]
+    unit: Array = np.einsum("mij,mj->mi", R_BF, local) / np.sqrt(1 + tangential**2)[:, None]
+    return unit
 
 
 def _opposite(surface: Surface, p: Array, along: Array, chance: Array) -> tuple[Array, Ints]:
@@ -200,14 +204,14 @@ def coarse_bound(object_: GraspObject, triples: Triples) -> Array:
     """
     p, N = triples.p_BC, plane_normal(triples.p_BC)[:, None]
     sides = np.roll(p, -1, axis=1) - p
-    sides /= np.linalg.norm(sides, axis=-1, keepdims=True)
+    sides /= np.linalg.norm(sides, axis=-1, keepdims=True) + _TINY
     omega = np.concatenate([sides, np.broadcast_to(N, p.shape), np.cross(N, sides)], axis=1)
     through = np.concatenate([p, p, np.roll(p, 1, axis=1)], axis=1)
     v = np.cross(omega, object_.p_BBcm - through)
     w = np.concatenate([v, object_.rho * omega], axis=-1)
     w = np.concatenate([w, -w], axis=1)
     h, _ = support(cone_wrenches(*triples.contacts, object_.p_BBcm, object_.rho), w)
-    radius: Array = (h.max(axis=-1) / np.linalg.norm(w, axis=-1)).min(axis=1)
+    radius: Array = (h.max(axis=-1) / (np.linalg.norm(w, axis=-1) + _TINY)).min(axis=1)
     return radius
 
 

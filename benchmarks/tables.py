@@ -65,7 +65,11 @@ def row(result: dict[str, Any]) -> str:
         *(f"{ratio(result, peer):.2f}" for peer in PEERS),
         f"{time_ratio(result):.1f}",
     )
-    errors = [f"  {k}: {v['error']}" for k, v in result.items() if "error" in v and k != "error"]
+    errors = [
+        f"  {method}: {found['error']}"
+        for method, found in result.items()
+        if isinstance(found, dict) and "error" in found
+    ]
     return "\n".join([line, *errors])
 
 
@@ -98,7 +102,7 @@ def stages_table(results: Results) -> str:
     """Medians of what the peers' seconds went to."""
     lines = []
     for peer in ("random", "antipodal"):
-        runs = [result[peer]["seconds"] for result in results if peer in result]
+        runs = [result[peer]["seconds"] for result in results if "seconds" in result.get(peer, ())]
         if runs:
             medians = (f"{s} {np.median([run[s] for run in runs]):.4f}" for s in runs[0])
             lines.append(f"{peer}, median seconds: {', '.join(medians)}")
@@ -145,4 +149,5 @@ def growth_table(results: Results) -> str:
 def _known(values: Iterable[float]) -> Array:
     """Without nan."""
     array = np.array(list(values), dtype=float)
-    return array[~np.isnan(array)]
+    known: Array = array[~np.isnan(array)]
+    return known

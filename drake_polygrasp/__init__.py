@@ -19,11 +19,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from drake_polygrasp.certification.in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.errors import GraspFileError, ModelError, PolygraspError, UsageError
+    from drake_polygrasp.export import contact_poses, export_directives
     from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, GraspObject
     from drake_polygrasp.grasp_file import GraspFile, load_grasps, save_grasps
     from drake_polygrasp.object_model import load_object
     from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
+    from drake_polygrasp.systems import GraspForces
     from drake_polygrasp.verification import Report, verify_file
 
 __version__ = "0.1.0"
@@ -34,14 +37,19 @@ __all__ = [
     "Grasp",
     "GraspFile",
     "GraspFileError",
+    "GraspForces",
     "GraspObject",
     "GraspPlan",
     "ModelError",
+    "PlantReport",
     "PolygraspError",
     "Report",
     "UsageError",
     "__version__",
+    "certify_in_plant",
+    "contact_poses",
     "explain_sets",
+    "export_directives",
     "load_grasps",
     "load_object",
     "plan_grasps",
@@ -50,11 +58,14 @@ __all__ = [
 ]
 
 _HOMES = {
+    "certification.in_plant": ("PlantReport", "certify_in_plant"),
     "errors": ("GraspFileError", "ModelError", "PolygraspError", "UsageError"),
+    "export": ("contact_poses", "export_directives"),
     "grasp": ("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
     "grasp_file": ("GraspFile", "load_grasps", "save_grasps"),
     "object_model": ("load_object",),
     "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
+    "systems": ("GraspForces",),
     "verification": ("Report", "verify_file"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

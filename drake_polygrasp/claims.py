@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from drake_polygrasp.certification.wrench_space import (
     squeeze_interval,
     tilt_tolerance,
 )
+from drake_polygrasp.grasp import Array, Grasp, Quality
 from drake_polygrasp.grasp_file import StatedGrasp, StatedObject
 from drake_polygrasp.wrench import edge_forces
 
@@ -41,7 +43,7 @@ PLANE_TOLERANCE = 1e-5
 def force_faults(stated: StatedGrasp) -> Iterator[str]:
     """Why the internal force is no proof of force closure, or not the one that is spelt out."""
     grasp, x = stated.grasp, stated.certificate.internal_force
-    check = exact.check_force_closure(*_contacts(stated), x.tolist())
+    check = check_proof(grasp, x)
     if not check.ok:
         yield check.reason
     f_Bc_B = edge_forces(grasp.p_BC[None], x[None])[0]
@@ -49,6 +51,11 @@ def force_faults(stated: StatedGrasp) -> Iterator[str]:
         yield "f_Bc_B is not what internal_force makes it"
     if not abs((grasp.nhat_TB_B * f_Bc_B).sum() - 1) <= FORCE_TOLERANCE:
         yield "the normal forces do not add up to 1"
+
+
+def check_proof(grasp: Grasp, x: Array) -> exact.Check:
+    """Check exactly that the internal force x [1/m], shape (3,), proves a grasp force closure."""
+    return exact.check_force_closure(*_contacts(grasp), x.tolist())
 
 
 def number_faults(stated: StatedGrasp, object_: StatedObject, clearance: float | None) -> list[str]:
@@ -73,11 +80,18 @@ def _number_faults(
 ) -> Iterator[str]:
     grasp, claim = stated.grasp, stated.certificate
     p_BC, mu, p_BBcm, rho = grasp.p_BC, grasp.mu, object_.p_BBcm, object_.rho
+    if not max(grasp.faces) < object_.num_faces:
+        yield f"faces names face {max(grasp.faces)}, and there are {object_.num_faces} from 0"
+    if (grasp.kind == "two_faces") != (len(set(grasp.faces)) == 2):
+        yield f"kind is {grasp.kind}, which the contacts' faces {list(grasp.faces)} are not"
     if not _holds_plane(stated, PLANE_TOLERANCE * rho):
         yield "the contacts are not in the grasp plane"
     if claim.mu_min is not None and not _proves_mu_min(stated, claim.mu_min):
         yield f"mu_min is {claim.mu_min:.6g}, which no internal force proves"
-    margin = exact.attained_margin(*_contacts(stated), claim.internal_force.tolist())
+    if claim.mu_min is None and claim.mu_min_internal_force is not None:
+        yield "mu_min_internal_force is there, but no mu_min that it would prove"
+    yield from _quality_faults(grasp.quality)
+    margin = exact.attained_margin(*_contacts(grasp), claim.internal_force.tolist())
     yield from _excess("margin", claim.margin, margin, ROUNDING)
     epsilon = epsilon_interval(p_BC, grasp.nhat_TB_B, mu, p_BBcm, rho, relative_gap=relative_gap)
     lower = epsilon.lower
@@ -106,8 +120,7 @@ def _lack(name: str, value: float | None, limit: float, rounding: float) -> Iter
         yield f"{name} is {value:.6g}, less than the {limit:.6g} recomputed"
 
 
-def _contacts(stated: StatedGrasp) -> tuple[list[list[float]], list[list[float]], list[float]]:
-    grasp = stated.grasp
+def _contacts(grasp: Grasp) -> tuple[list[list[float]], list[list[float]], list[float]]:
     return grasp.p_BC.tolist(), grasp.nhat_TB_B.tolist(), grasp.mu.tolist()
 
 
@@ -133,5 +146,13 @@ def _proves_mu_min(stated: StatedGrasp, mu_min: float) -> bool:
     mu = friction_at(grasp.mu, mu_min)
     if witness is None:
         witness = find_internal_forces(grasp.p_BC[None], grasp.nhat_TB_B[None], mu[None])[0]
-    p_BC, nhat_TB_B, _ = _contacts(stated)
-    return exact.check_force_closure(p_BC, nhat_TB_B, mu.tolist(), witness.tolist()).ok
+    return check_proof(replace(grasp, mu=mu), witness).ok
+
+
+def _quality_faults(quality: Quality | None) -> Iterator[str]:
+    """What can be said of the paper's Q without its planner (eq. 5)."""
+    if quality is None:
+        return
+    if not all(0 <= q <= 1 + ROUNDING for q in quality.q):
+        yield f"quality q is {list(quality.q)}, and each is from 0 to 1"
+    yield from _excess("quality Q", quality.Q, math.prod(quality.q), ROUNDING)

@@ -115,8 +115,17 @@ def save_grasps(
         "plan": _plain(plan_settings),
         "grasps": [grasp_document(grasp) for grasp in grasps],
     }
+    write_document(path, document)
+
+
+def write_document(path: Path, document: Mapping[str, Any]) -> None:
+    """Writes a grasp file's document, whole or not at all: equal ones give the same bytes.
+
+    Raises:
+        GraspFileError: when a number is not finite, or `path` cannot be written.
+    """
     text = yaml.safe_dump(
-        document, sort_keys=False, default_flow_style=None, allow_unicode=True, width=10**6
+        _plain(document), sort_keys=False, default_flow_style=None, allow_unicode=True, width=10**6
     )
     _write_whole(path, text)
 
@@ -226,9 +235,11 @@ def _write_whole(path: Path, text: str) -> None:
 
 
 def _read_plan(block: Block) -> dict[str, Any]:
-    """Settings of any kind, but for friction that was asked for: it stands in for the model's."""
+    """Settings of any kind, but for those that a verification goes by."""
     if "mu" in block.data:
         block.number("mu", "positive")
+    if "tip_radius" in block.data:
+        block.number("tip_radius", "zero or positive")
     return block.data
 
 

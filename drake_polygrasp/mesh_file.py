@@ -15,7 +15,13 @@ import numpy.typing as npt
 
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.input_file import read_bytes
 
+MAX_BYTES = 100_000_000
+MAX_TRIANGLES = 100_000
+"""Ours: five times a dense scan's. So many noisy ones are read in half a minute."""
+MAX_COORDINATE = 1e9
+"""Ours [m, before scaling]: far beyond any object, and far from where squares overflow."""
 _MIN_COUNT = 4
 """Of vertices and of an OBJ's triangles: fewer enclose nothing."""
 _OBJ_JOINED_LINES_AND_COMMENTS = re.compile(rb"\\\r?\n|#[^\r\n]*")
@@ -31,19 +37,16 @@ def check_mesh_file(mesh_file: Path) -> None:
             f"{mesh_file}: Drake offers no triangles of '{suffix}' collision meshes; "
             "convert it to .obj or .vtk"
         )
-    try:
-        content = mesh_file.read_bytes()
-    except FileNotFoundError as error:
-        raise ModelError(f"{mesh_file}: there is no such mesh file; mend the path") from error
-    except OSError as error:
-        raise ModelError(f"{mesh_file}: cannot be read: {error.strerror}") from error
+    content = read_bytes(mesh_file, "mesh", MAX_BYTES, ModelError)
     try:
         (_check_obj if suffix == ".obj" else _check_vtk)(content)
     except ValueError as error:
-        raise ModelError(f"{mesh_file}: {error}; export the mesh again") from error
+        raise ModelError(f"{mesh_file}: {error}; repair the mesh") from error
 
 
 def _check_obj(content: bytes) -> None:
+    # Counted first, because what follows takes memory by the line.
+    _check_count(content.count(b"\nf ") + content.count(b"\nf\t"))
     records = _OBJ_RECORDS.findall(_OBJ_JOINED_LINES_AND_COMMENTS.sub(b" ", content))
     coordinates = [line.split()[:3] for kind, line in records if kind == b"v"]
     if any(len(row) < 3 for row in coordinates):
@@ -57,6 +60,7 @@ def _check_obj(content: bytes) -> None:
         raise ValueError("a face has fewer than three corners")
     if (sizes - 2).sum() < _MIN_COUNT:
         raise ValueError(f"a solid needs at least {_MIN_COUNT} triangles, it has {sum(sizes - 2)}")
+    _check_count((sizes - 2).sum())
     corners = _integers([corner for face in faces for corner in face])
     kinds = np.array([kind == b"v" for kind, _ in records])
     # A negative index counts back from the last vertex before its face.
@@ -72,6 +76,7 @@ def _check_vtk(content: bytes) -> None:
     if b"BINARY" in words[:64]:
         return
     start, (count,) = _section(words, b"POINTS", 1)
+    _check_count(count)
     start += 1  # The data type's name.
     coordinates = _floats(words[start : start + 3 * count])
     if len(coordinates) < 3 * count:
@@ -80,6 +85,7 @@ def _check_vtk(content: bytes) -> None:
     start, (num_cells, size) = _section(words, b"CELLS", 2)
     if not num_cells:
         raise ValueError("it has no cells")
+    _check_count(num_cells)
     if b"CONNECTIVITY" in words:
         start = words.index(b"CONNECTIVITY") + 2
         corners = _integers(words[start : start + size])
@@ -129,9 +135,18 @@ def _is_number(word: bytes, dtype: type) -> bool:
     return True
 
 
+def _check_count(count: int) -> None:
+    """Of triangles, tetrahedra or points."""
+    if count > MAX_TRIANGLES:
+        raise ValueError(f"its {count} elements are more than {MAX_TRIANGLES}; simplify it")
+
+
 def _check_vertices(vertices: Array) -> None:
     if len(vertices) < _MIN_COUNT:
         raise ValueError(f"a solid needs at least {_MIN_COUNT} vertices, it has {len(vertices)}")
     wrong = ~np.isfinite(vertices).all(axis=1)
     if wrong.any():
         raise ValueError(f"vertex {np.argmax(wrong) + 1} is not finite")
+    wrong = (np.abs(vertices) > MAX_COORDINATE).any(axis=1)
+    if wrong.any():
+        raise ValueError(f"vertex {np.argmax(wrong) + 1} lies beyond {MAX_COORDINATE:g}")

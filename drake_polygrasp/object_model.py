@@ -10,24 +10,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import shorten
 from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import (
-    AddRigidHydroelasticProperties,
-    Box,
-    Convex,
     GeometryId,
-    GeometryInstance,
     Mesh,
-    ProximityProperties,
     SceneGraph,
     SceneGraphInspector,
     Shape,
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import PackageMap, Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
 from drake_polygrasp.errors import ModelError, PolygraspError, UsageError
@@ -35,22 +31,29 @@ from drake_polygrasp.grasp import Array, GraspObject, ModelSource, frozen
 from drake_polygrasp.mesh_file import check_mesh_file
 from drake_polygrasp.model_source import (
     ModelFiles,
-    Statements,
     find_packages,
     is_uri,
     locate,
     model_digest,
     read_model_files,
-    read_statements,
 )
-from drake_polygrasp.polyhedron import FLATNESS, Polyhedron, surface_vertices, volume_centroid
+from drake_polygrasp.model_statements import Statements, read_statements
+from drake_polygrasp.patches import PATCH_ANGLE
+from drake_polygrasp.polyhedron import (
+    FLATNESS,
+    Polyhedron,
+    farthest_distance,
+    volume_centroid,
+)
+from drake_polygrasp.shapes import is_hull, part_of
 from drake_polygrasp.surface import Part, build_polyhedron
-from drake_polygrasp.triangles import unit_normals
 
 __all__ = ["DEFAULT_MU", "Solid", "load_object", "load_solid", "model_digest"]
 
 DEFAULT_MU = 0.3
 """The paper's own coefficient, for models that state none."""
+MAX_REASON = 400
+"""Of Drake's words on a file, ours: it may quote the whole file."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,8 @@ def load_object(
     body_name: str | None = None,
     mu: float | None = None,
     package_paths: Sequence[str | Path] = (),
+    patch_angle: float = PATCH_ANGLE,
+    patch_depth: float | None = None,
 ) -> GraspObject:
     """Load the body to grasp from a file that Drake's Parser reads.
 
@@ -88,15 +93,17 @@ def load_object(
     in the folders above the model file. `body_name` may be left out when just one body has
     collision geometry; `model::body` tells bodies of one name apart. `mu` replaces the friction
     of the model, which is else the lesser of each geometry's static and dynamic coefficients:
-    in discrete time Drake's bodies slide at the dynamic one.
+    in discrete time Drake's bodies slide at the dynamic one. Surfaces of very many facets become
+    patches whose normals lean by at most `patch_angle` [rad] and whose facets lie about
+    `patch_depth` [m] (default: 0.005 of the diameter) off a plane.
 
     Raises ModelError when a file is missing or malformed, the body cannot be told, or its
-    collision geometry is no polyhedron; UsageError when `mu` is not above 0.
+    collision geometry is nothing to hold; UsageError when `mu` is not above 0.
     """
     if mu is not None and not (np.isfinite(mu) and mu > 0):
         raise UsageError(f"the friction given for {model_file} is {mu}; it must be above 0")
     files, plant, scene_graph, body, warnings = _open(model_file, body_name, package_paths)
-    statements = read_statements(files, body.name())
+    statements = read_statements(files.documents, body.name())
     where = f"{files.model_file}: body '{body.name()}'"
     inspector = scene_graph.model_inspector()
     geometries = plant.GetCollisionGeometriesForBody(body)
@@ -105,17 +112,21 @@ def load_object(
         warnings += assumed
     else:
         friction = [mu] * len(geometries)
-    polyhedron = _polyhedron(inspector, geometries, friction, where)
+    polyhedron = _polyhedron(inspector, geometries, friction, where, patch_angle, patch_depth)
     if not polyhedron.watertight:
         warnings.append(f"{where}: its surface is not closed; what lies inside is a guess")
     mass, p_BBcm = _mass(plant, body) if statements.mass else (None, volume_centroid(polyhedron))
     if mass is None:
         warnings.append(f"{where} states no mass; its centre is taken to be that of the volume")
+    with np.errstate(all="ignore"):
+        rho = farthest_distance(polyhedron, p_BBcm)
+    if not np.isfinite(rho):
+        raise ModelError(f"{where}: its centre of mass is beyond measure; state it in metres")
     return GraspObject(
         polyhedron=polyhedron,
         mass=mass,
         p_BBcm=frozen(p_BBcm),
-        rho=float(np.linalg.norm(surface_vertices(polyhedron) - p_BBcm, axis=1).max()),
+        rho=rho,
         source=ModelSource(
             model_file=model_file if is_uri(model_file) else files.model_file.absolute(),
             sha256=files.sha256,
@@ -139,16 +150,10 @@ def load_solid(source: ModelSource, package_paths: Sequence[str | Path] = ()) ->
         for geometry in plant.GetCollisionGeometriesForBody(body)
     )
     return Solid(
-        body.default_spatial_inertia(), parts, all(_is_hull(_triangles_B(*part)) for part in parts)
+        body.default_spatial_inertia(),
+        parts,
+        all(is_hull(shape) for shape, _ in parts),
     )
-
-
-def _is_hull(triangles: Array) -> bool:
-    """Whether no vertex lies above any of the triangles, shape (T, 3, 3)."""
-    nhat, _ = unit_normals(triangles)
-    vertices = triangles.reshape(-1, 3)
-    height = vertices @ nhat.T - np.einsum("ti,ti->t", triangles[:, 0], nhat)
-    return bool(height.max() <= FLATNESS * np.ptp(vertices, axis=0).max())
 
 
 def _open(
@@ -169,10 +174,11 @@ def _blaming(where: Path | str) -> Iterator[None]:
     """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors."""
     try:
         yield
-    except PolygraspError:
+    except (PolygraspError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
-        raise ModelError(f"{where}: Drake cannot load it: {str(error).strip()}") from error
+        reason = shorten(str(error), MAX_REASON)
+        raise ModelError(f"{where}: Drake cannot load it: {reason}") from error
 
 
 @contextmanager
@@ -181,7 +187,7 @@ def _drake_warnings() -> Iterator[list[str]]:
 
     class Collector(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
-            messages.append(record.getMessage())
+            messages.append(shorten(record.getMessage(), MAX_REASON))
 
     messages: list[str] = []
     logger, collector = logging.getLogger("drake"), Collector(logging.WARNING)
@@ -195,13 +201,38 @@ def _drake_warnings() -> Iterator[list[str]]:
 
 
 def _parse(model_file: Path, packages: PackageMap) -> tuple[MultibodyPlant, SceneGraph]:
-    plant, scene_graph = MultibodyPlant(time_step=0.0), SceneGraph()
-    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    plant, scene_graph = _empty_plant()
     parser = Parser(plant, scene_graph)
     parser.package_map().AddMap(packages)
-    parser.AddModels(str(model_file))
+    try:
+        parser.AddModels(str(model_file))
+    except RuntimeError:
+        if model_file.suffix.lower() != ".obj":
+            raise
+        plant, scene_graph = _empty_plant()
+        _add_surface(plant, model_file)
     plant.Finalize()
     return plant, scene_graph
+
+
+def _empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
+    plant, scene_graph = MultibodyPlant(time_step=0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    return plant, scene_graph
+
+
+def _add_surface(plant: MultibodyPlant, mesh_file: Path) -> None:
+    """What the Parser makes of an OBJ file, but of one whose triangles give no mass properties."""
+    logging.getLogger("drake").warning(
+        "%s: its triangles are flat, open or wound inward, so that Drake finds no mass in them; "
+        "a ball of 1 kg stands in for it",
+        mesh_file,
+    )
+    name, mesh = mesh_file.stem, Mesh(str(mesh_file))
+    ball = SpatialInertia.SolidSphereWithMass(1.0, 1.0)
+    body = plant.AddRigidBody(name, plant.AddModelInstance(name), ball)
+    friction = CoulombFriction(1.0, 1.0)  # The Parser's own.
+    plant.RegisterCollisionGeometry(body, RigidTransform(), mesh, name, friction)
 
 
 def _choose_body(plant: MultibodyPlant, name: str | None, model_file: Path) -> RigidBody:
@@ -260,8 +291,10 @@ def _friction(
                 f"{where}: the friction of '{name}' is {static} static, {dynamic} dynamic; "
                 f"{min(static, dynamic)} is used, for Drake's discrete contact slides at the latter"
             )
-        if not friction[-1] > 0:
-            raise ModelError(f"{where}: the friction of '{name}' must be above 0")
+        if not 0 < friction[-1] < np.inf:
+            raise ModelError(
+                f"{where}: the friction of '{name}' is {friction[-1]}; it must be above 0"
+            )
     return friction, warnings
 
 
@@ -270,39 +303,34 @@ def _polyhedron(
     geometries: list[GeometryId],
     friction: Sequence[float],
     where: str,
+    patch_angle: float,
+    patch_depth: float | None,
 ) -> Polyhedron:
     parts: list[Part] = []
     for geometry, mu in zip(geometries, friction, strict=True):
         shape = inspector.GetShape(geometry)
-        if not isinstance(shape, Box | Convex | Mesh):
+        with _blaming(where):
+            part = part_of(shape, inspector.GetPoseInFrame(geometry), mu)
+        if part is None:
             raise ModelError(
                 f"{where}: collision geometry '{inspector.GetName(geometry)}' is a "
-                f"{type(shape).__name__}, which has no faces; only Box, Convex and Mesh do"
+                f"{type(shape).__name__}, which fingers cannot hold; remove it or replace it"
             )
-        with _blaming(where):
-            X_BG = inspector.GetPoseInFrame(geometry)
-            parts.append(Part(_triangles_B(shape, X_BG), mu))
+        parts.append(part)
     try:
-        return build_polyhedron(parts)
+        polyhedron = build_polyhedron(parts, patch_angle, patch_depth)
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
+    if _is_flat(polyhedron):
+        raise ModelError(f"{where}: its surface is flat; a grasp needs a solid")
+    return polyhedron
 
 
-def _triangles_B(shape: Shape, X_BG: RigidTransform) -> Array:
-    """The shape's surface [m], shape (T, 3, 3): what rigid hydroelastic contact makes of it.
-
-    Point contact would use the convex hull of a Mesh and fill its notches.
-    """
-    scene_graph = SceneGraph()
-    instance = GeometryInstance(X_BG, shape, "surface")
-    properties = ProximityProperties()
-    AddRigidHydroelasticProperties(properties)
-    instance.set_proximity_properties(properties)
-    geometry = scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("source"), instance)
-    mesh = scene_graph.model_inspector().maybe_get_hydroelastic_mesh(geometry)
-    index = [[face.vertex(k) for k in range(3)] for face in mesh.triangles()]
-    p_BV = X_BG.multiply(np.array(mesh.vertices()).T).T
-    return np.asarray(p_BV[np.array(index)])
+def _is_flat(polyhedron: Polyhedron) -> bool:
+    vertices = polyhedron.triangles_B.reshape(-1, 3)
+    about = vertices - vertices.mean(axis=0)
+    _, axes = np.linalg.eigh(about.T @ about)
+    return bool(np.ptp(about @ axes[:, 0]) <= FLATNESS * polyhedron.diameter)
 
 
 def _mass(plant: MultibodyPlant, body: RigidBody) -> tuple[float, Array]:

@@ -3,64 +3,59 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import comb
 from time import perf_counter
 from typing import Any, Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from drake_polygrasp.certification.certify import Proof, certify, prove_many
+from drake_polygrasp.certification.certify import Proof
+from drake_polygrasp.contenders import KINDS, Codes, Contenders, contenders, rows_of
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.grasp import (
-    Array,
-    CertifiedGrasp,
-    Grasp,
-    GraspObject,
-    GraspPlane,
-    Ints,
-    Kind,
-    Quality,
-    Verdict,
-    frozen,
-)
+from drake_polygrasp.grasp import Array, CertifiedGrasp, GraspObject, Ints, frozen
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.planner import (
     CODE,
-    EQUAL_QUALITY,
     REASONS,
     UNJUDGED,
-    Candidates,
     Method,
     SetPlan,
     has_contacts,
     plan_sets,
 )
+from drake_polygrasp.planning.search import (
+    POINTS,
+    Triples,
+    best_triples,
+    first_of_each_set,
+    joined,
+    sets_of,
+)
+from drake_polygrasp.planning.tip_room import with_tip_room
+from drake_polygrasp.planning.variants import Steps, improved_triples, place_in_set
 from drake_polygrasp.polyhedron import (
     CLEARANCE_OF_INRADIUS,
     DEFAULT_CLEARANCE,
     Regions,
     erode,
 )
-from drake_polygrasp.seating import edge_distance, seat, tip_fits
-from drake_polygrasp.wrench import epsilon_upper_bound, force_closure, non_collinear
+from drake_polygrasp.wrench import epsilon_upper_bound, force_closure
 
 Rank = Literal["epsilon", "margin", "Q"]
 
 TIP_RADIUS = 0.02
 """Default fingertip radius times the diameter L, ours."""
 SETS_OF_A_KIND = 10
-"""Sets of each kind that `method="enriched"` proves at least, ours: Q favours two-face sets, though
-three faces hold best on most objects without parallel faces."""
-
-Codes = npt.NDArray[np.int8]
-_KINDS: tuple[Kind, ...] = ("three_faces", "three_parallel_faces", "two_faces")
-_OUTCOME = {
-    Verdict.HOLDS: CODE["certified"],
-    Verdict.FAILS: CODE["not_force_closure"],
-    Verdict.UNDECIDED: CODE["undecided"],
-}
-_AHEAD = 2
-"""Candidates judged at once for each grasp still missing, ours."""
+"""Sets of each kind that are proved at least to be ranked by margin, ours: Q favours two-face
+sets, though three faces hold best on most objects without parallel faces."""
+MANY_REGIONS = 40
+"""Ours: of more, only the sets that the search finds go through the paper's stages."""
+CHOSEN_SETS = 100
+"""How many sets the search then chooses, ours."""
+POINTS_A_REGION = 1.3
+"""Sample points where there are many regions, ours."""
+SPARE = 5
+"""Sets proved beyond those wanted, for bounds of epsilon do not quite rank as epsilon, ours."""
 
 
 @dataclass(frozen=True, order=True)
@@ -116,18 +111,20 @@ def plan_grasps(
     rank: Rank | None = None,
     edge_clearance: float | None = None,
     tip_radius: float | None = None,
+    steps: Steps | None = None,
 ) -> GraspPlan:
     """Plans grasps of an object and proves every one that it returns.
 
     Args:
         object_: what to grasp; friction is that of its faces.
         method: "paper" constructs one grasp for each set of faces as the text says; "enriched"
-            also tries variants of it.
+            also tries variants of it and, ranking by epsilon, other contacts on the same faces.
         top: how many grasps to return at most, one for each set of faces.
         rank: what puts one grasp before another (default: "epsilon"; "Q" for the paper).
         edge_clearance: least distance of a contact from its face's edges [m] (default: 0.01 L or
             a fifth of the face's inradius, whichever is less).
         tip_radius: fingertips of this radius [m] must fit (default: 0.02 L; 0: points).
+        steps: what "enriched" does beyond the paper (default: all).
 
     Raises:
         UsageError: when a parameter is not what it may be.
@@ -138,26 +135,28 @@ def plan_grasps(
         raise UsageError(f"top is {top}; it must be at least 1")
     if rank not in ("epsilon", "margin", "Q"):
         raise UsageError(f"rank is {rank!r}; it must be 'epsilon', 'margin' or 'Q'")
-    work = _construct(object_, method, edge_clearance, tip_radius)
-    if rank == "Q":
-        proofs = work.judge_best(np.arange(len(work.outcome)), top)
+    task = _task(object_, method, edge_clearance, tip_radius)
+    steps = steps or Steps()
+    if method == "enriched" and rank == "epsilon":
+        work = _enriched(task, steps)
+        proofs = _judged_by_bound(work, top + SPARE)
     else:
-        proofs = {}
-        for kind in range(len(_KINDS)):
-            rows = np.flatnonzero(work.kind == kind)
-            proofs |= work.judge_best(rows, max(top, SETS_OF_A_KIND))
-    order = work.ranked(proofs, rank)
+        work = _constructed(task, steps)
+        proofs = _judged_by_quality(work, rank, top)
+    order = _ranked(work, proofs, rank)
     planned = perf_counter()
-    grasps = work.certified(order, rank, top)
+    grasps = _certified(work, order, rank, top)
     certified = perf_counter()
     code = work.set_codes()
+    n = len(task.regions.face)
+    num_sets = comb(n, 3) + comb(n, 2)
     return GraspPlan(
         grasps,
-        len(code),
-        _counts(code),
+        num_sets,
+        _counts(code, num_sets),
         {"plan": planned - start, "certify": certified - planned},
-        work.settings | {"rank": rank, "top": top},
-        None if grasps else least_opposing_friction(work.regions.nhat_TB_B),
+        task.settings | {"rank": rank, "top": top},
+        None if grasps else least_opposing_friction(task.regions.nhat_TB_B),
     )
 
 
@@ -168,30 +167,64 @@ def explain_sets(
     edge_clearance: float | None = None,
     tip_radius: float | None = None,
 ) -> Explanation:
-    """Follows every set of faces to its end; arguments as of `plan_grasps`."""
-    work = _construct(object_, method, edge_clearance, tip_radius)
+    """Follows every set of faces through the paper's stages; arguments as of `plan_grasps`.
+
+    Sets that only `plan_grasps` finds a grasp for, beyond the paper, are certified too.
+    """
+    task = _task(object_, method, edge_clearance, tip_radius)
+    work = _constructed(task, Steps())
     work.judge(np.flatnonzero(work.outcome == UNJUDGED))
     code = work.set_codes()
+    if method == "enriched":
+        beyond = _enriched(task, Steps())
+        _judged_by_bound(beyond, SETS_OF_A_KIND + SPARE)
+        found = beyond.plan.sets[beyond.set_codes() == CODE["certified"]]
+        code[rows_of(work.plan.sets, found)] = CODE["certified"]
     # A pair's third region, -1, becomes face -1.
-    faces = np.append(work.regions.face, -1)[work.plan.sets]
-    counts = _counts(code)
+    faces = np.append(task.regions.face, -1)[work.plan.sets]
+    counts = _counts(code, len(code))
     return Explanation(
         frozen(faces, np.int64),
         [REASONS[c] for c in code],
         counts,
-        None if counts.get("certified") else least_opposing_friction(work.regions.nhat_TB_B),
+        None if counts.get("certified") else least_opposing_friction(task.regions.nhat_TB_B),
     )
 
 
-def _counts(code: Codes) -> dict[str, int]:
+def _counts(code: Codes, num_sets: int) -> dict[str, int]:
+    """How many sets ended with each reason; those without a code were not evaluated."""
     counts = np.bincount(code, minlength=len(REASONS))
+    counts[UNJUDGED] += num_sets - len(code)
     return {reason: int(n) for reason, n in zip(REASONS, counts, strict=True) if n}
 
 
-def _construct(
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What to plan for, checked."""
+
+    object_: GraspObject
+    method: Method
+    regions: Regions
+    tip_radius: float
+    settings: dict[str, Any]
+
+    def plan(self, steps: Steps, chosen: Ints | None = None) -> SetPlan:
+        """The paper's stages on all sets or on chosen ones."""
+        L = self.object_.polyhedron.diameter
+        return plan_sets(
+            self.regions,
+            self.object_.p_BBcm,
+            L,
+            self.object_.rho,
+            self.method,
+            spread=steps.spread,
+            chosen=chosen,
+        )
+
+
+def _task(
     object_: GraspObject, method: Method, edge_clearance: float | None, tip_radius: float | None
-) -> _Work:
-    """Everything up to contacts on the true surface that pass the closed form."""
+) -> _Task:
     if method not in get_args(Method):
         raise UsageError(f"method is {method!r}; it must be one of {', '.join(get_args(Method))}")
     for name, length in (("edge_clearance", edge_clearance), ("tip_radius", tip_radius)):
@@ -206,191 +239,116 @@ def _construct(
     }
     if edge_clearance is None:
         settings["edge_clearance_share_of_inradius"] = CLEARANCE_OF_INRADIUS
+    return _Task(object_, method, erode(object_.polyhedron, edge_clearance), tip, settings)
 
-    regions = erode(object_.polyhedron, edge_clearance)
-    plan = plan_sets(regions, object_.p_BBcm, L, object_.rho, method)
+
+def _constructed(task: _Task, steps: Steps) -> Contenders:
+    """The paper's stages on every set."""
+    return contenders(
+        task.object_, task.method, task.regions, task.plan(steps), None, task.tip_radius
+    )
+
+
+def _enriched(task: _Task, steps: Steps) -> Contenders:
+    """The paper's constructions, triples of sample points, and the best of both improved."""
+    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    if not (steps.search or steps.improve):
+        return _constructed(task, steps)
+    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius)
+    none = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
+    if steps.search and len(regions.face) > MANY_REGIONS:
+        num_points = int(POINTS_A_REGION * len(regions.face))
+        found = best_triples(clear, none, *scale, num_points)
+        first = first_of_each_set(found.region)[:CHOSEN_SETS]
+        found, plan = found.take(first), task.plan(steps, sets_of(found.region[first]))
+        known = _known(regions, plan)
+    else:
+        plan = task.plan(steps)
+        known = _known(regions, plan)
+        found = best_triples(clear, known, *scale, POINTS) if steps.search else none
+    triples = joined(known, found)
+    better = improved_triples(clear, triples, *scale) if steps.improve else found
+    return contenders(task.object_, task.method, regions, plan, better, task.tip_radius)
+
+
+def _known(regions: Regions, plan: SetPlan) -> Triples:
+    """The constructions that are force closure, best Q first."""
     rows = plan.candidates
-    face = regions.face[rows.region]
-    mu = regions.mu[rows.region]
-    outcome = plan.code[rows.set_index]
-    built = has_contacts(rows.p_BC)
-    outcome[built] = UNJUDGED
-    p_BC, nhat_TB_B = rows.p_BC.copy(), regions.nhat_TB_B[rows.region]
-    seats = seat(object_.polyhedron, p_BC[built].reshape(-1, 3), face[built].ravel())
-    p_BC[built], nhat_TB_B[built] = (
-        seats.p_BC.reshape(-1, 3, 3),
-        seats.nhat_TB_B.reshape(-1, 3, 3),
+    rows = rows.take(has_contacts(rows.p_BC))
+    contacts = rows.p_BC, regions.nhat_TB_B[rows.region], regions.mu[rows.region]
+    rows = rows.take(force_closure(*contacts))
+    order = np.argsort(-rows.Q, kind="stable")
+    return Triples(rows.region[order], rows.p_BC[order])
+
+
+def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proof]:
+    if rank == "Q":
+        rows = np.arange(len(work.outcome))
+        return work.judge_best(rows, work.candidates.Q, top)
+    proofs: dict[int, Proof] = {}
+    for kind in range(len(KINDS)):
+        rows = np.flatnonzero(work.kind == kind)
+        proofs |= work.judge_best(rows, work.candidates.Q[rows], max(top, SETS_OF_A_KIND))
+    return proofs
+
+
+def _judged_by_bound(work: Contenders, wanted: int) -> dict[int, Proof]:
+    """Proofs of the two best of each set, by their bounds of epsilon; the rest only if needed."""
+    rows = np.flatnonzero(work.outcome == UNJUDGED)
+    bound = _bound(work, rows, refine=False)
+    order = np.lexsort((rows, -np.round(bound, 9)))
+    rows, bound = rows[order], bound[order]
+    is_first = place_in_set(work.candidates.set_index[rows]) < 2
+    proofs = work.judge_best(rows[is_first], bound[is_first], wanted)
+    if len({int(work.candidates.set_index[row]) for row in proofs}) < wanted:
+        proofs |= work.judge_best(rows[~is_first], bound[~is_first], wanted)
+    return proofs
+
+
+def _bound(work: Contenders, rows: Ints, *, refine: bool = True) -> Array:
+    p_BC, nhat_TB_B, mu = (values[rows] for values in work.contacts)
+    object_ = work.object_
+    return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho, refine=refine)
+
+
+def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:
+    """The best candidate of each set, best first."""
+    rows = np.array(sorted(proofs), dtype=np.int64)
+    margin = np.array([proofs[row].margin for row in rows.tolist()])
+    if rank == "Q":
+        score = work.candidates.Q[rows]
+    else:
+        score = margin if rank == "margin" else _bound(work, rows)
+    entries = sorted(
+        _Ranked(-round(float(s), 9), -round(float(m), 9), tuple(work.face[row].tolist()), int(row))
+        for s, m, row in zip(score, margin, rows, strict=True)
     )
-    on_surface = np.zeros(len(built), dtype=bool)
-    on_surface[built] = seats.ok.reshape(-1, 3).all(axis=1)
-    outcome[built & ~on_surface] = CODE["off_face"]
-    alive = np.flatnonzero(outcome == UNJUDGED)
-    outcome[alive[~non_collinear(p_BC[alive])]] = CODE["collinear"]
-    alive = np.flatnonzero(outcome == UNJUDGED)
-    holds = force_closure(p_BC[alive], nhat_TB_B[alive], mu[alive])
-    outcome[alive[~holds]] = CODE["not_force_closure"]
-    distinct = 1 + (np.diff(np.sort(face, axis=1), axis=1) > 0).sum(axis=1)
-    kind = np.where(distinct == 2, 2, rows.is_parallel)
-    return _Work(
-        object_,
-        method,
-        regions,
-        plan,
-        replace(rows, p_BC=p_BC),
-        nhat_TB_B,
-        mu,
-        face,
-        kind,
-        outcome,
-        tip,
-        settings,
-    )
+    seen: set[int] = set()
+    first = []
+    for entry in entries:
+        set_index = int(work.candidates.set_index[entry.row])
+        if set_index not in seen:
+            seen.add(set_index)
+            first.append(entry)
+    return first
 
 
-@dataclass(frozen=True, eq=False)
-class _Work:
-    """Candidate grasps on their way to proof; `outcome` alone changes, as they are judged."""
+def _certified(
+    work: Contenders, ranked: list[_Ranked], rank: Rank, top: int
+) -> tuple[CertifiedGrasp, ...]:
+    """The `top` best with their certificates.
 
-    object_: GraspObject
-    method: Method
-    regions: Regions
-    plan: SetPlan
-    candidates: Candidates
-    """With contacts moved to the true surface."""
-    nhat_TB_B: Array
-    mu: Array
-    face: Ints
-    kind: Ints
-    """Position in _KINDS."""
-    outcome: Codes
-    """Position in REASONS of each candidate; UNJUDGED where it may still hold."""
-    tip_radius: float
-    settings: dict[str, Any]
-
-    def judge(self, rows: Ints) -> dict[int, Proof]:
-        """Whether tips fit and the exact certificate holds; the proofs of those that hold."""
-        if self.tip_radius > 0:
-            fits = tip_fits(
-                self.object_.polyhedron,
-                self.candidates.p_BC[rows].reshape(-1, 3),
-                self.nhat_TB_B[rows].reshape(-1, 3),
-                self.tip_radius,
-            )
-            fits = np.logical_and.reduce(fits.reshape(-1, 3), axis=1)
-            self.outcome[rows[~fits]] = CODE["tip_blocked"]
-            rows = rows[fits]
-        proofs = prove_many(self.candidates.p_BC[rows], self.nhat_TB_B[rows], self.mu[rows])
-        self.outcome[rows] = [_OUTCOME[proof.verdict] for proof in proofs]
-        return {
-            int(row): proof
-            for row, proof in zip(rows, proofs, strict=True)
-            if proof.verdict is Verdict.HOLDS
-        }
-
-    def judge_best(self, rows: Ints, wanted: int) -> dict[int, Proof]:
-        """Judges candidates of best Q until `wanted` sets hold and the next Q is less."""
-        rows = rows[self.outcome[rows] == UNJUDGED]
-        Q = np.round(self.candidates.Q[rows] / EQUAL_QUALITY)
-        order = np.lexsort((rows, -Q))
-        rows, Q = rows[order], Q[order]
-        proofs: dict[int, Proof] = {}
-        while len(rows):
-            held = {int(self.candidates.set_index[row]) for row in proofs}
-            missing = wanted - len(held)
-            if missing <= 0:
-                break
-            # Whole ties, so that which of them are judged does not depend on their order.
-            level = Q[min(_AHEAD * missing, len(rows)) - 1]
-            count = int(np.searchsorted(-Q, -level, side="right"))
-            proofs |= self.judge(rows[:count])
-            rows, Q = rows[count:], Q[count:]
-        return proofs
-
-    def ranked(self, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:
-        """The best candidate of each set, best first."""
-        rows = np.array(sorted(proofs), dtype=np.int64)
-        margin = np.array([proofs[row].margin for row in rows.tolist()])
-        if rank == "Q":
-            score = self.candidates.Q[rows]
-        elif rank == "margin":
-            score = margin
-        else:
-            score = epsilon_upper_bound(
-                self.candidates.p_BC[rows],
-                self.nhat_TB_B[rows],
-                self.mu[rows],
-                self.object_.p_BBcm,
-                self.object_.rho,
-            )
-        entries = sorted(
-            _Ranked(
-                -round(float(s), 9), -round(float(m), 9), tuple(self.face[row].tolist()), int(row)
-            )
-            for s, m, row in zip(score, margin, rows, strict=True)
-        )
-        seen: set[int] = set()
-        first = []
-        for entry in entries:
-            set_index = int(self.candidates.set_index[entry.row])
-            if set_index not in seen:
-                seen.add(set_index)
-                first.append(entry)
-        return first
-
-    def certified(self, ranked: list[_Ranked], rank: Rank, top: int) -> tuple[CertifiedGrasp, ...]:
-        """The `top` best with their certificates.
-
-        The score of rank "epsilon" is an upper bound: candidates are measured until none of the
-        rest can win.
-        """
-        found: list[tuple[_Ranked, CertifiedGrasp]] = []
-        for entry in ranked:
-            if len(found) >= top:
-                if rank != "epsilon" or -entry.score <= sorted(-e.score for e, _ in found)[-top]:
-                    break
-            certified = self._certify(entry.row)
-            if rank == "epsilon":
-                entry = replace(entry, score=-round(certified.certificate.epsilon_lower, 9))
-            found.append((entry, certified))
-        found.sort(key=lambda pair: pair[0])
-        return tuple(certified for _, certified in found[:top])
-
-    def _certify(self, row: int) -> CertifiedGrasp:
-        rows = self.candidates
-        kind: Kind = _KINDS[self.kind[row]]
-        faces = self.face[row]
-        q_1, q_2, q_3, q_4, q_5 = rows.q[row].tolist()
-        grasp = Grasp(
-            frozen(rows.p_BC[row]),
-            frozen(self.nhat_TB_B[row]),
-            frozen(self.mu[row]),
-            kind,
-            (int(faces[0]), int(faces[1]), int(faces[2])),
-            GraspPlane(frozen(rows.nhat_B[row]), frozen(rows.p_BP[row])),
-            Quality(
-                "paper" if self.method == "paper" else "object",
-                float(rows.Q[row]),
-                (q_1, q_2, q_3, q_4, q_5),
-            ),
-        )
-        object_ = self.object_
-        certified = certify(
-            grasp,
-            mass=object_.mass,
-            p_BBcm=object_.p_BBcm,
-            rho=object_.rho,
-            edge_distance=float(edge_distance(object_.polyhedron, grasp.p_BC, faces).min()),
-        )
-        assert isinstance(certified, CertifiedGrasp)  # it is proved already
-        return certified
-
-    def set_codes(self) -> Codes:
-        """What became of each set: the best of its candidates' outcomes."""
-        code = self.plan.code.copy()
-        standing = np.select(
-            [self.outcome == CODE["certified"], self.outcome == UNJUDGED], [0, 1], 2
-        )
-        # Written in this order, the best and then the first candidate of a set has the last word.
-        order = np.lexsort((-np.arange(len(standing)), -standing))
-        code[self.candidates.set_index[order]] = self.outcome[order]
-        return code
+    The score of rank "epsilon" is an upper bound: candidates are measured until none of the rest
+    can win.
+    """
+    found: list[tuple[_Ranked, CertifiedGrasp]] = []
+    for entry in ranked:
+        least = sorted(-e.score for e, _ in found)[-top] if len(found) >= top else -np.inf
+        if len(found) >= top and (rank != "epsilon" or -entry.score <= least):
+            break
+        certified = work.certified(entry.row)
+        if rank == "epsilon":
+            entry = replace(entry, score=-round(certified.certificate.epsilon_lower, 9))
+        found.append((entry, certified))
+    found.sort(key=lambda pair: pair[0])
+    return tuple(certified for _, certified in found[:top])

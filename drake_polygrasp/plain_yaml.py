@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import re
 import reprlib
-import stat
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -19,6 +18,7 @@ import yaml
 
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.grasp import Array, frozen
+from drake_polygrasp.input_file import read_bytes
 
 MAX_BYTES = 4_000_000
 """Ours: some two thousand grasps; what is larger is no grasp file."""
@@ -45,16 +45,9 @@ def read_mapping(path: Path) -> Block:
 
 def _read_text(path: Path) -> str:
     try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise GraspFileError(f"{path}: is not a regular file")
-        if status.st_size > MAX_BYTES:
-            raise GraspFileError(f"{path}: larger than {MAX_BYTES} bytes, so it is no grasp file")
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise GraspFileError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise GraspFileError(f"{path}: is not UTF-8 text") from error
+        return read_bytes(path, "grasp", MAX_BYTES, GraspFileError).decode()
+    except UnicodeDecodeError:
+        raise GraspFileError(f"{path}: is not UTF-8 text") from None
 
 
 def _value(node: yaml.Node, seen: set[int]) -> Any:
@@ -74,6 +67,10 @@ def _value(node: yaml.Node, seen: set[int]) -> Any:
         line = key.start_mark.line + 1
         if not isinstance(key, yaml.ScalarNode):
             raise ValueError(f"line {line}: a key must be a word")
+        _value(key, seen)
+        # Other readers would take over the keys of what stands there.
+        if key.value == "<<":
+            raise ValueError(f"line {line}: the key '<<' is no part of the format")
         if key.value in mapping:
             raise ValueError(f"line {line}: the key {key.value!r} appears a second time")
         mapping[key.value] = _value(item, seen)
@@ -81,8 +78,9 @@ def _value(node: yaml.Node, seen: set[int]) -> Any:
 
 
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
-_INTEGER = re.compile(r"[-+]?[0-9]+")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+# No zeros lead: to some readers 010 is 8.
+_INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NON_FINITE = re.compile(r"[-+]?\.(nan|inf)", re.IGNORECASE)
 
 

@@ -12,8 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.grasp import Array, Ints, frozen
-from drake_polygrasp.inradius import inradius
+from drake_polygrasp.grasp import Array, Bools, Ints, frozen
+from drake_polygrasp.inradius import inradius, rough_inradius
+from drake_polygrasp.primitives import Primitive
+from drake_polygrasp.triangles import unit_normals, winding_numbers
 
 ANGLE_TOLERANCE = 1e-9
 """[rad], ours: what is smaller than this is a rounding error of a unit vector."""
@@ -24,6 +26,8 @@ SAME_NORMAL = 1e-6
 FLATNESS = 1e-5
 """Times the diameter L, ours: vertices this near a plane lie in it. Mesh files often carry six
 decimals, which leaves half a micrometre of noise per coordinate on objects of a decimetre."""
+ON_SURFACE = 1e-6
+"""Times the diameter L, ours: a tenth of a micrometre on a decimetre."""
 DEFAULT_CLEARANCE = 0.01
 """Times the diameter L, ours: how far contacts stay away from edges."""
 CLEARANCE_OF_INRADIUS = 0.2
@@ -34,7 +38,9 @@ MIN_INRADIUS = 0.002
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """A planar face of the exposed surface, possibly non-convex, possibly with holes.
+    """A planar face of the exposed surface, or a near-planar patch of it.
+
+    Possibly non-convex, possibly with holes. Patches may overlap.
 
     Its frame F has its origin Fo on the face's plane and Fz the outward normal.
     """
@@ -46,6 +52,11 @@ class Face:
     polygon_F: shapely.Polygon
     """The face in the coordinates of Fx and Fy [m]."""
     mu: float
+    reach: float = 0.0
+    """How far the surface lies off the plane [m]: 0 for a true face; more for a patch of a curved
+    or noisy surface, on which contacts move from the plane to the surface."""
+    primitive: Primitive | None = None
+    """The curved solid whose surface a patch stands for; None where the triangles are."""
 
     @property
     def nhat_TB_B(self) -> Array:
@@ -63,10 +74,18 @@ class Polyhedron:
     triangles_B: Array
     """All collision triangles of the body [m], shape (T, 3, 3), counter-clockwise from outside."""
     triangle_face: Ints
-    """The face that each triangle shares most of its area with, -1 where it is wholly covered,
-    shape (T,)."""
-    watertight: bool = True
-    """Whether every shell of triangles is closed, so that the body has an inside."""
+    """The face that each triangle shares most of its area with, -1 where it is wholly covered or
+    belongs to no face, shape (T,)."""
+    closed: Bools | None = None
+    """Whether each triangle's shell is closed and so has an inside, shape (T,); None when all
+    are."""
+    primitives: tuple[Primitive, ...] = ()
+    """The curved solids among the parts; their triangles are inscribed in them."""
+
+    @property
+    def watertight(self) -> bool:
+        """Whether every shell of triangles is closed, so that the body has an inside."""
+        return self.closed is None or bool(self.closed.all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,25 +125,60 @@ def surface_vertices(polyhedron: Polyhedron) -> Array:
     )
 
 
+def farthest_distance(polyhedron: Polyhedron, p_B: Array) -> float:
+    """Greatest distance of a point p_B [m], shape (3,), to the surface [m].
+
+    That is no covered point, for nothing of the body is farther away.
+    """
+    vertices = polyhedron.triangles_B.reshape(-1, 3)
+    to_vertices = np.linalg.norm(vertices - p_B, axis=1).max()
+    return max([float(to_vertices), *(solid.farthest(p_B) for solid in polyhedron.primitives)])
+
+
 def volume_centroid(polyhedron: Polyhedron) -> Array:
     """The centroid of the enclosed volume in B [m], shape (3,), by the divergence theorem.
 
     From the exposed surface, so that parts that overlap count once: the flux of x through the
-    faces is 3 V, that of x_i x is 4 V times the centroid.
+    faces is 3 V, that of x_i x is 4 V times the centroid. The facets of patches count by
+    themselves, those of curved solids as the polyhedra inscribed in them.
     """
-    about = surface_vertices(polyhedron).mean(axis=0)
-    nhat = np.array([face.R_BF[:, 2] for face in polyhedron.faces])
-    polygons = np.array([face.polygon_F for face in polyhedron.faces], dtype=object)
+    planar = [k for k, face in enumerate(polyhedron.faces) if face.primitive or not face.reach]
+    faces = [polyhedron.faces[k] for k in planar]
+    rest = ~np.isin(polyhedron.triangle_face, planar)
+    if len(planar) == len(polyhedron.faces):
+        rest[:] = False  # What belongs to no face is covered.
+    rest[rest] = ~_covered(polyhedron, polyhedron.triangles_B[rest])
+    nhat, area = unit_normals(polyhedron.triangles_B[rest])
+    polygons = np.array([face.polygon_F for face in faces], dtype=object)
     xy = shapely.get_coordinates(shapely.centroid(polygons))
-    p_BFc = np.array(
-        [f.p_BF + f.R_BF[:, :2] @ c for f, c in zip(polyhedron.faces, xy, strict=True)]
+    p_BFc = np.array([f.p_BF + f.R_BF[:, :2] @ c for f, c in zip(faces, xy, strict=True)])
+    nhat = np.concatenate([np.array([f.R_BF[:, 2] for f in faces]).reshape(-1, 3), nhat])
+    middle = polyhedron.triangles_B[rest].mean(axis=1)
+    centroid = np.concatenate([p_BFc.reshape(-1, 3), middle])
+    about = polyhedron.triangles_B.reshape(-1, 3).mean(axis=0)
+    flux = np.einsum("ni,ni->n", centroid - about, nhat)
+    flux *= np.append(shapely.area(polygons), area)
+    return np.asarray(about + 3 / 4 * flux @ (centroid - about) / flux.sum())
+
+
+def _covered(polyhedron: Polyhedron, triangles: Array) -> Bools:
+    """Whether the middle of each of some triangles is inside a closed shell."""
+    nhat, _ = unit_normals(triangles)
+    outside = triangles.mean(axis=1) + FLATNESS * polyhedron.diameter * nhat
+    shells = polyhedron.triangles_B
+    return (
+        winding_numbers(outside, shells if polyhedron.closed is None else shells[polyhedron.closed])
+        > 0
     )
-    flux = np.einsum("ni,ni->n", p_BFc - about, nhat) * shapely.area(polygons)
-    return np.asarray(about + 3 / 4 * flux @ (p_BFc - about) / flux.sum())
 
 
 def is_convex(polyhedron: Polyhedron) -> bool:
-    """Whether the body is one convex solid: no vertex lies above any face."""
+    """Whether the body is one convex solid: no vertex lies above any face.
+
+    False for bodies with patches, of which the faces say too little.
+    """
+    if any(face.reach for face in polyhedron.faces):
+        return False
     reach = FLATNESS * polyhedron.diameter
     vertices = surface_vertices(polyhedron)
     return all(
@@ -148,7 +202,10 @@ def erode(
     """
     L = polyhedron.diameter
     polygons = np.array([face.polygon_F for face in polyhedron.faces], dtype=object)
-    radius = inradius(polygons)
+    is_patch = np.array([face.reach > 0 and face.primitive is None for face in polyhedron.faces])
+    radius = np.empty(len(polygons))
+    radius[~is_patch] = inradius(polygons[~is_patch])
+    radius[is_patch] = rough_inradius(polygons[is_patch])
     clearance = np.minimum(DEFAULT_CLEARANCE * L, CLEARANCE_OF_INRADIUS * radius)
     if edge_clearance is not None:
         clearance = np.full(len(radius), edge_clearance)

@@ -7,11 +7,13 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from drake_polygrasp.facets import facets_of, is_covered, level_distance, seat_on_patch, touch_patch
 from drake_polygrasp.grasp import Array, Bools, Ints
 from drake_polygrasp.polyhedron import (
     ANGLE_TOLERANCE,
     FLATNESS,
     LENGTH_TOLERANCE,
+    ON_SURFACE,
     SAME_NORMAL,
     Face,
     Polyhedron,
@@ -19,8 +21,8 @@ from drake_polygrasp.polyhedron import (
 )
 from drake_polygrasp.triangles import pairs_closer_than, unit_normals
 
-ON_SURFACE = 1e-6
-"""Times the diameter L, ours: a tenth of a micrometre on a decimetre."""
+CRACK = 1e-3
+"""Times L, ours: gaps narrower than this are closed to any finger, even a point."""
 _STEEPEST = np.cos(0.02)
 """Ours: a triangle that leans out of its face by more than 0.02 rad is a needle, and its normal
 noise."""
@@ -38,26 +40,32 @@ class Seats(NamedTuple):
 
 
 def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
-    """Move contacts on faces to the triangles that the faces were merged from.
+    """Move contacts on faces and patches to the true surface.
 
-    A face is flat; its triangles lie up to `FLATNESS` L off it. Contacts p_BC [m], shape (M, 3),
-    move along the normals of their faces `face`, shape (M,), to the outermost triangle there, and
-    take on its normal.
+    A face is flat; its triangles lie up to `FLATNESS` L off it, those of a patch farther. Contacts
+    p_BC [m], shape (M, 3), move along the normals of their faces `face`, shape (M,), to the
+    outermost triangle there, and take on its normal; on patches of a curved solid they take its
+    nearest point. Where that is covered, or the triangle a sliver, there is no seat.
     """
     p_BC, nhat_TB_B, ok = p_BC.copy(), np.zeros_like(p_BC), np.zeros(len(p_BC), dtype=bool)
-    nhat, _ = unit_normals(polyhedron.triangles_B)
+    facets = facets_of(polyhedron)
     for k in np.unique(face):
-        rows = np.flatnonzero(face == k)
-        p_BC[rows], nhat_TB_B[rows], ok[rows] = _seat_on_face(
-            polyhedron, nhat, polyhedron.faces[k], p_BC[rows]
+        rows, on = np.flatnonzero(face == k), polyhedron.faces[k]
+        p_BC[rows], nhat_TB_B[rows], ok[rows] = (
+            seat_on_patch(polyhedron, facets, on, p_BC[rows])
+            if on.reach
+            else _seat_on_face(polyhedron, facets.nhat, on, p_BC[rows])
         )
+    # True faces are cut where they are covered by anything but curved solids.
+    is_patch = np.array([on.reach > 0 for on in polyhedron.faces])
+    doubtful = np.flatnonzero(ok & (is_patch[face] | bool(polyhedron.primitives)))
+    ok[doubtful] = ~is_covered(polyhedron, p_BC[doubtful], nhat_TB_B[doubtful])
     return Seats(p_BC, nhat_TB_B, ok)
 
 
 def _seat_on_face(polyhedron: Polyhedron, nhat: Array, face: Face, p_BC: Array) -> Seats:
     L, Fz = polyhedron.diameter, face.R_BF[:, 2]
-    height = (polyhedron.triangles_B - face.p_BF) @ Fz
-    flat = (np.abs(height).max(axis=1) <= 2 * FLATNESS * L) & (nhat @ Fz >= _STEEPEST)
+    flat = _flat(face, polyhedron.triangles_B, nhat, L)
     triangles, nhat = polyhedron.triangles_B[flat], nhat[flat]
     tree = shapely.STRtree(shapely.polygons((triangles - face.p_BF) @ face.R_BF[:, :2]))
     points = shapely.points((p_BC - face.p_BF) @ face.R_BF[:, :2])
@@ -77,55 +85,118 @@ def _seat_on_face(polyhedron: Polyhedron, nhat: Array, face: Face, p_BC: Array) 
     return Seats(seated, inward, ok)
 
 
-def face_of(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Ints:
-    """The face that each contact is on, -1 where it is on none; shape (M,).
+class Touch(NamedTuple):
+    """Contacts that were stated, as the surface itself has them."""
 
-    A contact p_BC [m], shape (M, 3), is on a face when it is within `ON_SURFACE` L of the exposed
-    polygon, and of a triangle whose normal is within `SAME_NORMAL` of the contact's inward normal,
-    shape (M, 3). Of several faces the one of least friction is meant.
+    face: Ints
+    """The face that each contact is on, -1 where it is on none, shape (M,)."""
+    p_BC: Array
+    """On a triangle of the face [m], shape (M, 3)."""
+    nhat_TB_B: Array
+    """That triangle's inward unit normal, shape (M, 3)."""
+
+
+def touch(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Touch:
+    """The exposed surface at contacts p_BC [m] with inward normals, both of shape (M, 3).
+
+    A contact is on a face when it is within `ON_SURFACE` L of the exposed polygon, and of a
+    triangle of it whose normal is within `SAME_NORMAL` of the contact's, when no triangle of the
+    face covers it, and the body is behind it. Of several faces the one of least friction is meant.
+    On patches the triangle, or the curved solid, must itself be exposed, and the nearest patch is
+    meant. Contacts on no face are returned as they are.
     """
-    L = polyhedron.diameter
-    nhat, _ = unit_normals(polyhedron.triangles_B)
-    i, t, _ = pairs_closer_than(p_BC, polyhedron.triangles_B, ON_SURFACE * L)
-    on_triangle = np.zeros(len(p_BC), dtype=bool)
-    on_triangle[i[np.linalg.norm(nhat[t] + nhat_TB_B[i], axis=1) <= SAME_NORMAL]] = True
-    found = np.full(len(p_BC), -1)
-    for k in sorted(range(len(polyhedron.faces)), key=lambda k: -polyhedron.faces[k].mu):
-        face = polyhedron.faces[k]
-        p_FC = (p_BC - face.p_BF) @ face.R_BF
-        near = on_triangle & (np.abs(p_FC[:, 2]) <= 2 * FLATNESS * L)
-        near &= nhat_TB_B @ face.R_BF[:, 2] <= -_STEEPEST
-        distance = shapely.distance(face.polygon_F, shapely.points(p_FC[near, :2]))
-        found[np.flatnonzero(near)[distance <= ON_SURFACE * L]] = k
-    return found
+    L, triangles = polyhedron.diameter, polyhedron.triangles_B
+    nhat, _ = unit_normals(triangles)
+    i, t, _ = pairs_closer_than(p_BC, triangles, ON_SURFACE * L)
+    leaning = np.linalg.norm(nhat[t] + nhat_TB_B[i], axis=1)
+    # Of several triangles the one of the nearest normal comes first.
+    order = np.lexsort((t, leaning, i))
+    i, t = (of[order[leaning[order] <= SAME_NORMAL]] for of in (i, t))
+    face, p, n = np.full(len(p_BC), -1), p_BC.copy(), nhat_TB_B.copy()
+    exact = [k for k, of in enumerate(polyhedron.faces) if not of.reach]
+    for k in sorted(exact, key=lambda k: -polyhedron.faces[k].mu):
+        on_plane = _flat(polyhedron.faces[k], triangles[t], nhat[t], L)
+        if not on_plane.any():
+            continue
+        rows, first = np.unique(i[on_plane], return_index=True)
+        below = _distance_beside(polyhedron.faces[k], p_BC[rows]) <= ON_SURFACE * L
+        rows, nearest = rows[below], t[on_plane][first[below]]
+        rise = np.einsum("ij,ij->i", triangles[nearest, 0] - p_BC[rows], nhat[nearest])
+        face[rows], n[rows] = k, -nhat[nearest]
+        p[rows] = p_BC[rows] + rise[:, None] * nhat[nearest]
+    found = np.flatnonzero(face >= 0)
+    seats = seat(polyhedron, p_BC[found], face[found])
+    outermost = np.linalg.norm(seats.p_BC - p_BC[found], axis=1) <= ON_SURFACE * L
+    covered = found[~(seats.ok & outermost)]
+    face[covered], p[covered], n[covered] = -1, p_BC[covered], nhat_TB_B[covered]
+    if len(exact) < len(polyhedron.faces):
+        rows = np.setdiff1d(np.flatnonzero(face < 0), covered)
+        best = np.full(len(p_BC), -1)
+        best[i[::-1]] = t[::-1]
+        face[rows], p[rows], n[rows] = touch_patch(
+            polyhedron, p_BC[rows], nhat_TB_B[rows], best[rows]
+        )
+    if polyhedron.watertight:
+        # Where a shell crosses itself, some of its walls have the body on their other side.
+        hollow = ~is_covered(polyhedron, p, -n)
+        face[hollow], p[hollow], n[hollow] = -1, p_BC[hollow], nhat_TB_B[hollow]
+    return Touch(face, p, n)
+
+
+def face_of(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Ints:
+    """The face that each contact is on, -1 where it is on none; as of `touch`, shape (M,)."""
+    return touch(polyhedron, p_BC, nhat_TB_B).face
+
+
+def _flat(face: Face, triangles: Array, nhat: Array, L: float) -> Bools:
+    """Which triangles (T, 3, 3) of normals (T, 3) lie in the face's plane, on either side of it."""
+    Fz = face.R_BF[:, 2]
+    height = np.abs((triangles - face.p_BF) @ Fz).max(axis=1)
+    return np.asarray((height <= 2 * FLATNESS * L) & (nhat @ Fz >= _STEEPEST))
+
+
+def _distance_beside(face: Face, p_BC: Array) -> Array:
+    """Distance of points, seen along the face's normal, from its polygon [m], shape (M,)."""
+    xy = (p_BC - face.p_BF) @ face.R_BF[:, :2]
+    return np.asarray(shapely.distance(face.polygon_F, shapely.points(xy)))
 
 
 def edge_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
     """Distance of contacts from the edges of their faces [m], 0 off them; shape (M,).
 
-    Of p_BC [m], shape (M, 3), on the faces `face`, shape (M,).
+    Of p_BC [m], shape (M, 3), on the faces `face`, shape (M,). On patches, from the sides of the
+    facet; on curved solids, how far the normal stays the same to a milliradian.
     """
-    R_BF = np.array([f.R_BF for f in polyhedron.faces])[face]
-    p_BF = np.array([f.p_BF for f in polyhedron.faces])[face]
-    polygons = np.array([f.polygon_F for f in polyhedron.faces], dtype=object)[face]
-    points = shapely.points(np.einsum("nij,ni->nj", R_BF[:, :, :2], p_BC - p_BF))
-    distance = shapely.distance(shapely.boundary(polygons), points)
-    return np.where(shapely.intersects(polygons, points), distance, 0)
+    distance = np.zeros(len(p_BC))
+    is_patch = np.array([on.reach > 0 for on in polyhedron.faces])[face]
+    if is_patch.any():
+        distance[is_patch] = level_distance(polyhedron, p_BC[is_patch], face[is_patch])
+    for k in np.unique(face[~is_patch]):
+        rows, on = np.flatnonzero(face == k), polyhedron.faces[k]
+        points = shapely.points((p_BC[rows] - on.p_BF) @ on.R_BF[:, :2])
+        to_edges = shapely.distance(shapely.boundary(on.polygon_F), points)
+        distance[rows] = np.where(shapely.intersects(on.polygon_F, points), to_edges, 0)
+    return distance
 
 
 def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: float) -> Bools:
     """Whether a sphere of `tip_radius` [m] that touches from outside penetrates nothing.
 
     Of contacts p_BC [m] on the exposed surface with inward normals, both (M, 3); shape (M,). The
-    distance from the sphere's centre to all triangles decides: beside the contact the sphere is
-    outside every part, and one that crosses no triangle is outside all the way. Facets may rise
-    out of their face by `FLATNESS` L.
+    distance from the sphere's centre to all triangles and curved solids decides: beside the
+    contact the sphere is outside every part, and one that crosses none is outside all the way.
+    Facets may rise out of their face by `FLATNESS` L. A point, of radius 0, must still find the
+    surface open to the width of a `CRACK`.
     """
     if is_convex(polyhedron):
         return np.ones(len(p_BC), dtype=bool)
+    L = polyhedron.diameter
+    tip_radius = max(tip_radius, CRACK / 2 * L)
     p_BT = p_BC - tip_radius * nhat_TB_B
-    reach = tip_radius - 2 * FLATNESS * polyhedron.diameter
+    reach = tip_radius - 2 * FLATNESS * L
     blocked, _, _ = pairs_closer_than(p_BT, polyhedron.triangles_B, reach)
     fits = np.ones(len(p_BC), dtype=bool)
     fits[blocked] = False
+    for solid in polyhedron.primitives:
+        fits &= solid.distance(p_BT) >= reach
     return fits

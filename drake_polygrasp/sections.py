@@ -25,7 +25,7 @@ overlaps of this size."""
 
 
 class Mesh(NamedTuple):
-    """All shells of a body, outward; rows of `corners`, `shell` and `mu` are triangles."""
+    """All shells of a body, outward; rows of `corners`, `shell`, `mu`, `curve` are triangles."""
 
     vertices: Array
     """In B [m], shape (V, 3)."""
@@ -33,6 +33,8 @@ class Mesh(NamedTuple):
     """Vertex indices, shape (T, 3)."""
     shell: Ints
     mu: Array
+    curve: Ints
+    """The curved solid that each triangle is a facet of, -1 for none."""
     low: Array
     """Least corner of the bounding box of each shell, shape (S, 3)."""
     high: Array

@@ -1,22 +1,34 @@
 """From collision triangles to the faces of the exposed surface (Section 2 of the paper).
 
 A body is a union of closed shells. Triangles of one plane are merged into polygons, and what lies
-inside or against another shell is cut away.
+inside or against another shell is cut away. Where a body is curved or noisy, facets make patches.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.grasp import Array, Bools, Ints, frozen
+from drake_polygrasp.patches import PATCH_ANGLE, Patch, curved_triangles, grow_patches
 from drake_polygrasp.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron
+from drake_polygrasp.primitives import Primitive, sagitta, tessellation
 from drake_polygrasp.sections import Mesh, Plane, Polygons, covered, restore
-from drake_polygrasp.triangles import diameter, oriented_shells, tidy, unit_normals, weld
+from drake_polygrasp.triangles import (
+    diameter,
+    face_frame,
+    oriented_shells,
+    unit_normals,
+    weld,
+    winding_numbers,
+)
+
+_JUST_OUTSIDE = 1e-5
+"""Times L, ours: where to look whether a facet is covered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +38,25 @@ class Part:
     triangles_B: Array
     """[m], shape (T, 3, 3), in any sense of rotation."""
     mu: float
+    primitive: Primitive | None = None
+    """The curved solid that the triangles are inscribed in."""
 
 
-def build_polyhedron(parts: Sequence[Part]) -> Polyhedron:
-    """The exposed surface of the union of `parts`, as planar faces.
+def curved_part(primitive: Primitive, mu: float) -> Part:
+    """A curved solid as a part."""
+    return Part(tessellation(primitive), mu, primitive)
+
+
+def build_polyhedron(
+    parts: Sequence[Part], patch_angle: float = PATCH_ANGLE, patch_depth: float | None = None
+) -> Polyhedron:
+    """The exposed surface of the union of `parts`, as planar faces and near-planar patches.
 
     A triangle joins a face when its vertices lie within `FLATNESS` L of the plane of the face's
     largest triangle and their normals are not opposed. Faces of different friction are never
-    merged; where they coincide the lesser friction holds.
+    merged; where they coincide the lesser friction holds. On a body of very many planes, facets
+    that are not of a broad one make patches, in which normals lean by at most `patch_angle` [rad]
+    from the middle's and vertices lie about `patch_depth` [m] off the plane (default: 0.005 L).
 
     Raises ModelError when the parts enclose nothing.
     """
@@ -44,10 +67,21 @@ def build_polyhedron(parts: Sequence[Part]) -> Polyhedron:
     triangles = mesh.vertices[mesh.corners]
     faces: list[Face] = []
     triangle_face = np.full(len(triangles), -1, dtype=np.int64)
-    for plane in _planes(triangles, L):
-        new = _exposed_faces(mesh, plane, L)
+    is_curved = (mesh.curve < 0) & curved_triangles(mesh.vertices, mesh.corners, L, FLATNESS * L)
+    for plane in _planes(triangles, mesh.curve, ~is_curved, L):
+        curve = mesh.curve[plane.triangles[0]]
+        solid = parts[curve].primitive if curve >= 0 else None
+        reach = 0.0 if solid is None else sagitta(solid, triangles[plane.triangles])
+        new = [replace(f, reach=reach, primitive=solid) for f in _exposed_faces(mesh, plane, L)]
         triangle_face[plane.triangles] = _largest_overlap(mesh, plane, new, len(faces))
         faces.extend(new)
+    facets = _exposed_facets(mesh, triangles, is_curved, L)
+    for patch in grow_patches(
+        mesh.vertices, mesh.corners[facets], mesh.mu[facets], L, patch_angle, patch_depth
+    ):
+        members = facets[patch.triangles]
+        triangle_face[members[triangle_face[members] < 0]] = len(faces)
+        faces.append(_patch_face(patch))
     if not faces:
         raise ModelError("the collision geometry encloses no volume")
     rank = _order(faces, L)
@@ -57,41 +91,70 @@ def build_polyhedron(parts: Sequence[Part]) -> Polyhedron:
         diameter=L,
         triangles_B=frozen(triangles),
         triangle_face=frozen(position[triangle_face], np.int64),
-        watertight=bool(mesh.closed.all()),
+        closed=frozen(mesh.closed[mesh.shell], bool),
+        primitives=tuple(part.primitive for part in parts if part.primitive is not None),
     )
+
+
+def _patch_face(patch: Patch) -> Face:
+    p_BF = patch.offset * patch.R_BF[:, 2]
+    return Face(frozen(patch.R_BF), frozen(p_BF), patch.polygon_F, patch.mu, patch.reach)
+
+
+def _exposed_facets(mesh: Mesh, triangles: Array, among: Bools, L: float) -> Ints:
+    """Those of which no sample is inside a shell; facets are small."""
+    facets = np.flatnonzero(among)
+    if len(mesh.closed) == 1 and mesh.simple.all():
+        return facets
+    nhat, _ = unit_normals(triangles[facets])
+    middle = triangles[facets].mean(axis=1)[:, None]
+    samples = np.concatenate([middle, 0.9 * triangles[facets] + 0.1 * middle], axis=1)
+    samples = samples + _JUST_OUTSIDE * L * nhat[:, None]
+    closed = triangles[mesh.closed[mesh.shell]]
+    winding = winding_numbers(samples.reshape(-1, 3), closed)
+    return facets[(winding.reshape(-1, 4) <= 0).all(axis=1)]
 
 
 def _mesh(parts: Sequence[Part], tolerance: float) -> Mesh:
     vertices, corners = weld(np.concatenate([part.triangles_B for part in parts]), tolerance)
     count = 0
-    rows: list[tuple[Ints, Ints, Array]] = []
+    rows: list[tuple[Ints, Ints, Array, Ints]] = []
     kinds: list[tuple[Bools, Bools]] = []
-    for part in parts:
+    for k, part in enumerate(parts):
         own, corners = np.split(corners, [len(part.triangles_B)])
         shells = oriented_shells(vertices, own)
-        rows.append((shells.corners, shells.shell + count, np.full(len(shells.corners), part.mu)))
+        curve = np.full(len(shells.corners), -1)
+        if part.primitive is not None:
+            nhat, _ = unit_normals(vertices[shells.corners])
+            curve[part.primitive.is_curved(nhat)] = k
+        mu = np.full(len(shells.corners), part.mu)
+        rows.append((shells.corners, shells.shell + count, mu, curve))
         kinds.append((shells.closed, shells.simple))
         count += len(shells.closed)
-    corners, shell, mu = (np.concatenate(x) for x in zip(*rows, strict=True))
+    corners, shell, mu, curve = (np.concatenate(x) for x in zip(*rows, strict=True))
     closed, simple = (np.concatenate(x) for x in zip(*kinds, strict=True))
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, shell, vertices[corners].min(axis=1))
     np.maximum.at(high, shell, vertices[corners].max(axis=1))
-    return Mesh(vertices, corners, shell, mu, low, high, closed, simple)
+    return Mesh(vertices, corners, shell, mu, curve, low, high, closed, simple)
 
 
-def _planes(triangles: Array, L: float) -> list[Plane]:
-    """Planes by descending area of their largest triangle; needles without area have none."""
+def _planes(triangles: Array, curve: Ints, among: Bools, L: float) -> list[Plane]:
+    """Planes by descending area of their largest triangle; needles without area have none.
+
+    Of some triangles, the facets of each curved solid (T,) apart.
+    """
     nhat, area = unit_normals(triangles)
     longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-    alive = area > LENGTH_TOLERANCE * L * longest
+    alive = among & (area > LENGTH_TOLERANCE * L * longest)
     planes: list[Plane] = []
     corner = np.ascontiguousarray(triangles[:, 0])
     for seed in np.argsort(-area, kind="stable"):
         if not alive[seed]:
             continue
         level = corner[seed] @ nhat[seed]
-        near = np.flatnonzero(alive & (np.abs(corner @ nhat[seed] - level) <= FLATNESS * L))
+        near = alive & (curve == curve[seed])
+        near = np.flatnonzero(near & (np.abs(corner @ nhat[seed] - level) <= FLATNESS * L))
         flat = np.abs(triangles[near] @ nhat[seed] - level).max(axis=1) <= FLATNESS * L
         joined = near[(flat & (nhat[near] @ nhat[seed] > 0)) | (near == seed)]
         alive[joined] = False
@@ -100,17 +163,6 @@ def _planes(triangles: Array, L: float) -> list[Plane]:
         offset = float(weight @ triangles[joined].mean(axis=1) @ R_BF[:, 2])
         planes.append(Plane(R_BF, offset, joined))
     return planes
-
-
-def face_frame(normal: Array) -> Array:
-    """R_BF (3, 3) with Fz along `normal`, and Fx near the body axis most nearly in the plane.
-
-    So the axes of an axis-aligned face are axis-aligned.
-    """
-    Fz = tidy(normal)
-    axis = np.eye(3)[np.argmin(np.round(np.abs(Fz), 9))]
-    Fx = tidy(axis - Fz * (axis @ Fz))
-    return np.stack([Fx, tidy(np.cross(Fz, Fx)), Fz], axis=1)
 
 
 def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:

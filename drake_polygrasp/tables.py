@@ -11,7 +11,7 @@ from drake_polygrasp.errors import UsageError
 if TYPE_CHECKING:
     from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
     from drake_polygrasp.pipeline import Explanation, GraspPlan
-    from drake_polygrasp.verification import Report
+    from drake_polygrasp.verification import GraspReport, Report
 
 MEANING = {
     "certified": ("all", "a grasp was built and proved"),
@@ -105,9 +105,28 @@ def verify_table(report: Report) -> str:
             f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",
             *_aligned([("rank", "FORCES", "SURFACE", "NUMBERS"), *rows]),
             *remarks,
+            *_plant_lines(report),
             summary if rows else "the file holds no grasp",
         ]
     )
+
+
+def _plant_lines(report: Report) -> list[str]:
+    """A row for each verdict of a plant, with what is left until it would not hold."""
+    rows = [
+        (
+            str(rank),
+            v.name,
+            str(v.verdict),
+            "-" if v.margin is None else f"{v.margin:.3g}",
+            "" if v.unit == "1" else v.unit,
+            v.reason,
+        )
+        for rank, grasp in enumerate(report.grasps, start=1)
+        if grasp.plant is not None
+        for v in grasp.plant.verdicts
+    ]
+    return _aligned([("rank", "check", "verdict", "margin", "unit", ""), *rows]) if rows else []
 
 
 def verify_document(report: Report, holds: bool) -> dict[str, Any]:
@@ -117,14 +136,20 @@ def verify_document(report: Report, holds: bool) -> dict[str, Any]:
         "holds": holds,
         "model_checked": report.model_checked,
         "warnings": list(report.warnings),
-        "grasps": [
-            {
-                name: {"status": str(line.status), "reason": line.reason}
-                for name, line in grasp.lines.items()
-            }
-            for grasp in report.grasps
-        ],
+        "grasps": [_verified_document(grasp) for grasp in report.grasps],
     }
+
+
+def _verified_document(grasp: GraspReport) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        name: {"status": str(line.status), "reason": line.reason}
+        for name, line in grasp.lines.items()
+    }
+    if grasp.plant is not None:
+        from drake_polygrasp.plant_results import plant_document
+
+        document["plant"] = plant_document(grasp.plant)
+    return document
 
 
 def explain_document(

@@ -1,4 +1,4 @@
-"""Arrays of triangles: welding, closed shells, orientation, distance. Pure numpy.
+"""Arrays of triangles: welding, closed shells, orientation, distance, what they enclose.
 
 The section of a polyhedron that the paper takes for granted: a model's collision geometry is a
 soup of triangles, and only closed, outward-oriented shells have an inside.
@@ -9,11 +9,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from drake_polygrasp.grasp import Array, Bools, Ints
 
-_CHUNK = 1 << 20
-"""Pairs handled at once, ours: temporaries of some ten megabytes."""
+_POINTS_AT_ONCE = 1 << 12
+"""Ours: temporaries of some ten megabytes."""
+_BINS = 8
+"""A side, ours: some 400 bins on the surface of a round body."""
+_RAY = np.array([[0.6, -0.48, 0.64], [0.8, 0.36, -0.48], [0.0, 0.8, 0.6]])
+"""A rotation, ours, whose third column no usual face is parallel to."""
 
 
 class Shells(NamedTuple):
@@ -95,6 +100,15 @@ def _half_edges(corners: Ints) -> tuple[Ints, Bools]:
     return edge.astype(np.int64), tail < head
 
 
+def edge_neighbors(corners: Ints) -> tuple[Ints, Ints]:
+    """Pairs (t, u) of triangles that share an edge, each in both orders, by ascending t."""
+    edge, _ = _half_edges(corners)
+    first, second = _links(edge, np.arange(edge.size))
+    t, u = np.append(first, second) // 3, np.append(second, first) // 3
+    order = np.lexsort((u, t))
+    return t[order], u[order]
+
+
 def _links(edge: Ints, half_edges: Ints) -> tuple[Ints, Ints]:
     """Pairs that make a chain of those of the given half-edges that share an edge."""
     half_edges = half_edges[np.argsort(edge[half_edges], kind="stable")]
@@ -154,18 +168,70 @@ def tidy(vectors: Array) -> Array:
     return np.asarray(vectors / np.where(length > 0, length, 1))
 
 
+def face_frame(normal: Array) -> Array:
+    """R_BF (3, 3) with Fz along `normal`, and Fx near the body axis most nearly in the plane.
+
+    So the axes of an axis-aligned face are axis-aligned.
+    """
+    Fz = tidy(normal)
+    axis = np.eye(3)[np.argmin(np.round(np.abs(Fz), 9))]
+    Fx = tidy(axis - Fz * (axis @ Fz))
+    return np.stack([Fx, tidy(np.cross(Fz, Fx)), Fz], axis=1)
+
+
 def diameter(points: Array) -> float:
-    """Greatest distance between two of the points (V, 3)."""
+    """Greatest distance between two of the points (V, 3).
+
+    Points are binned; only pairs of bins that may hold a greater distance than one already found
+    are measured, so that a round body of many vertices takes no square of their number.
+    """
     points = np.unique(points - points.mean(axis=0), axis=0)
-    step = max(1, _CHUNK // len(points))
-    greatest = 0.0
-    square = np.einsum("ij,ij->i", points, points)
-    for k in range(0, len(points), step):
-        rows = slice(k, k + step)
-        distance = square[rows, None] + square - 2 * points[rows] @ points.T
-        i, j = np.unravel_index(np.argmax(distance), distance.shape)
-        greatest = max(greatest, float(np.linalg.norm(points[k + i] - points[j])))
+    size = np.ptp(points, axis=0).max() / _BINS
+    bins = np.floor(points / size) if size > 0 else np.zeros_like(points)
+    _, owner = np.unique(bins, axis=0, return_inverse=True)
+    order = np.argsort(owner.ravel(), kind="stable")
+    points, owner = points[order], owner.ravel()[order]
+    start = np.flatnonzero(np.diff(owner, prepend=-1))
+    low, high = np.minimum.reduceat(points, start), np.maximum.reduceat(points, start)
+    bound = np.linalg.norm(np.maximum(high[:, None] - low[None], high[None] - low[:, None]), axis=2)
+    end = points[0]
+    for _ in range(4):
+        end = points[np.argmax(np.linalg.norm(points - end, axis=1))]
+    greatest = float(np.linalg.norm(points - end, axis=1).max())
+    i, j = np.nonzero(np.triu(bound >= greatest))
+    members = np.split(points, start[1:])
+    for k in np.argsort(-bound[i, j], kind="stable"):
+        if bound[i[k], j[k]] < greatest:
+            break
+        gap = members[i[k]][:, None] - members[j[k]]
+        greatest = max(greatest, float(np.sqrt(np.einsum("abi,abi->ab", gap, gap).max())))
     return greatest
+
+
+def winding_numbers(points: Array, triangles: Array) -> Ints:
+    """How often closed, outward-oriented triangles (T, 3, 3) wind around points (M, 3); (M,).
+
+    Counts signed crossings of a ray from each point. Sides belong to one of the two triangles
+    that share them, so that none is counted twice.
+    """
+    if not len(triangles) or not len(points):
+        return np.zeros(len(points), dtype=np.int64)
+    # Along no axis, where the walls of made things would hold the whole ray.
+    points, triangles = points @ _RAY, triangles @ _RAY
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+    i, t = tree.query(shapely.points(points[:, :2]))
+    i, t = (x[points[i, 2] <= high[t, 2]] for x in (i, t))
+    corner = triangles[t] - points[i][:, None]
+    head = np.roll(corner, -1, axis=1)
+    left = corner[..., 0] * head[..., 1] - head[..., 0] * corner[..., 1]
+    upward = (corner[..., 1] <= 0) & (head[..., 1] > 0) & (left > 0)
+    downward = (head[..., 1] <= 0) & (corner[..., 1] > 0) & (left < 0)
+    turns = upward.sum(axis=1) - downward.sum(axis=1)
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    above = np.einsum("ni,ni->n", corner[:, 0], normal) * np.sign(normal[:, 2]) > 0
+    winding = np.bincount(i, weights=turns * above, minlength=len(points))
+    return winding.astype(np.int64)
 
 
 def point_triangle_distance(points: Array, triangles: Array) -> Array:
@@ -197,13 +263,15 @@ def pairs_closer_than(points: Array, triangles: Array, reach: float) -> tuple[In
     Only triangles whose bounding box is within reach are measured.
     """
     low, high = triangles.min(axis=1), triangles.max(axis=1)
+    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
     found: list[tuple[Ints, Ints, Array]] = []
-    step = max(1, _CHUNK // max(1, len(triangles)))
-    for k in range(0, len(points), step):
-        rows = points[k : k + step, None]
-        gap = np.maximum(0, np.maximum(low - rows, rows - high))
-        i, j = np.nonzero(np.einsum("ijk,ijk->ij", gap, gap) <= reach**2)
-        distance = point_triangle_distance(points[k + i], triangles[j])
+    for k in range(0, len(points), _POINTS_AT_ONCE):
+        rows = points[k : k + _POINTS_AT_ONCE]
+        x, y, z = rows.T
+        i, j = tree.query(shapely.box(x - reach, y - reach, x + reach, y + reach))
+        level = (z[i] >= low[j, 2] - reach) & (z[i] <= high[j, 2] + reach)
+        i, j = i[level], j[level]
+        distance = point_triangle_distance(rows[i], triangles[j])
         near = distance <= reach
         found.append((k + i[near], j[near], distance[near]))
     if not found:

@@ -9,19 +9,24 @@ the file says of the grasp's quality; a number that flatters the grasp is refuse
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drake_polygrasp.claims import ROUNDING, force_faults, number_faults
+from drake_polygrasp.claims import ROUNDING, check_proof, force_faults, number_faults
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.grasp_file import GraspFile, StatedGrasp, StatedObject, load_grasps
 from drake_polygrasp.model_source import find_packages, model_digest, resolve
 from drake_polygrasp.object_model import load_object
-from drake_polygrasp.seating import edge_distance, face_of
+from drake_polygrasp.polyhedron import Polyhedron
+from drake_polygrasp.seating import Touch, edge_distance, touch
+
+if TYPE_CHECKING:
+    from drake_polygrasp.certification.in_plant import PlantReport
 
 
 class Status(StrEnum):
@@ -43,11 +48,13 @@ class Line:
 
 @dataclass(frozen=True)
 class GraspReport:
-    """The three lines of one grasp."""
+    """The three lines of one grasp, and what a plant says of it."""
 
     forces: Line
     surface: Line
     numbers: Line
+    plant: PlantReport | None = None
+    """None where it was not asked for, or the lines leave nothing to ask."""
 
     @property
     def lines(self) -> dict[str, Line]:
@@ -69,7 +76,17 @@ class Report:
     def holds(self) -> bool:
         """Whether there are grasps, each proved, and nothing that was checked failed."""
         lines = [line for grasp in self.grasps for line in grasp.lines.values()]
-        return bool(lines) and all(line.status is not Status.FAILED for line in lines)
+        plants = [grasp.plant for grasp in self.grasps if grasp.plant is not None]
+        return (
+            bool(lines)
+            and all(line.status is not Status.FAILED for line in lines)
+            and all(plant.holds for plant in plants)
+        )
+
+    @property
+    def plant_checked(self) -> bool:
+        """Whether a plant was asked about every grasp."""
+        return all(grasp.plant is not None for grasp in self.grasps)
 
 
 @dataclass(frozen=True)
@@ -81,12 +98,16 @@ class _Model:
     warnings: tuple[str, ...] = ()
 
 
-def verify_file(path: Path | str, package_paths: Sequence[Path | str] = ()) -> Report:
+def verify_file(
+    path: Path | str, package_paths: Sequence[Path | str] = (), *, plant: bool = False
+) -> Report:
     """Check everything a grasp file claims.
 
     Args:
         path: the grasp file, which is not changed.
         package_paths: folders searched for the packages of package:// URIs.
+        plant: whether to have each grasp that is borne out hold the model in a MultibodyPlant,
+            as `certify_in_plant` does.
 
     Raises:
         GraspFileError: when the file cannot be read or breaks the format.
@@ -97,6 +118,8 @@ def verify_file(path: Path | str, package_paths: Sequence[Path | str] = ()) -> R
     # A file may state numbers of any size; every comparison below fails on what overflows.
     with np.errstate(all="ignore"):
         grasps = tuple(_verify_grasp(stated, file.object_, model) for stated in file.grasps)
+    if plant and model.object_ is not None:
+        grasps = _with_plant(grasps, file, model.object_, package_paths)
     return Report(file.path, grasps, model.line.status is not Status.NOT_CHECKED, model.warnings)
 
 
@@ -108,6 +131,33 @@ def _verify_grasp(stated: StatedGrasp, object_: StatedObject, model: _Model) -> 
     if forces.status is Status.FAILED:
         return GraspReport(forces, surface, Line(Status.NOT_CHECKED, "the grasp is not proved"))
     return GraspReport(forces, surface, _check_numbers(stated, object_, clearance))
+
+
+def _with_plant(
+    grasps: Sequence[GraspReport],
+    file: GraspFile,
+    object_: GraspObject,
+    package_paths: Sequence[Path | str],
+) -> tuple[GraspReport, ...]:
+    """The reports with what a plant says of grasps whose lines all hold."""
+    # Simulation is loaded by those who ask for it.
+    from drake_polygrasp.certification.in_plant import certify_in_plant
+
+    return tuple(
+        replace(
+            report,
+            plant=certify_in_plant(
+                object_,
+                stated.grasp,
+                stated.certificate.internal_force,
+                tip_radius=file.plan.get("tip_radius", 0.0),
+                package_paths=package_paths,
+            ),
+        )
+        if all(line.status is not Status.FAILED for line in report.lines.values())
+        else report
+        for report, stated in zip(grasps, file.grasps, strict=True)
+    )
 
 
 def _line(passed: Status, faults: Iterable[str]) -> Line:
@@ -125,7 +175,11 @@ def _find_model(file: GraspFile, package_paths: Sequence[Path | str]) -> _Model:
         model_file = resolve(name, file.path.parent, packages)
     except ModelError as error:
         return _missing(str(error))
-    if not model_file.is_file():
+    try:
+        found = model_file.is_file()
+    except OSError:  # a name too long for any file
+        found = False
+    if not found:
         return _missing(f"{model_file}: there is no such model file")
     try:
         if model_digest(model_file, package_paths) != stated.sha256:
@@ -173,16 +227,27 @@ def _close(stated: float | None, true: float | None) -> bool:
 def _check_surface(stated: StatedGrasp, object_: GraspObject) -> tuple[Line, float | None]:
     """The line, and the least distance from a contact to an edge of its face [m]."""
     grasp, polyhedron = stated.grasp, object_.polyhedron
-    face = face_of(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
-    for i, k in enumerate(face):
+    touched = touch(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
+    line = _line(Status.RECOMPUTED, _surface_faults(stated, polyhedron, touched))
+    if line.status is Status.FAILED:
+        return line, None
+    return line, float(edge_distance(polyhedron, grasp.p_BC, touched.face).min())
+
+
+def _surface_faults(stated: StatedGrasp, polyhedron: Polyhedron, touched: Touch) -> Iterator[str]:
+    """Where the surface has other contacts than the file."""
+    grasp, x = stated.grasp, stated.certificate.internal_force
+    mu = grasp.mu.copy()
+    for i, k in enumerate(touched.face):
         if k < 0:
-            off = f"contact {i + 1} is not on the exposed surface, or not along its normal"
-            return Line(Status.FAILED, off), None
-        mu = polyhedron.faces[k].mu
-        if not grasp.mu[i] <= mu * (1 + ROUNDING):
-            more = f"contact {i + 1} claims friction {grasp.mu[i]:.6g}, its face has {mu:.6g}"
-            return Line(Status.FAILED, more), None
-    return Line(Status.RECOMPUTED), float(edge_distance(polyhedron, grasp.p_BC, face).min())
+            yield f"contact {i + 1} is not on the exposed surface, or not along its normal"
+        mu[i] = min(mu[i], polyhedron.faces[k].mu)
+        if not grasp.mu[i] <= mu[i] * (1 + ROUNDING):
+            yield f"contact {i + 1} claims friction {grasp.mu[i]:.6g}, its face has {mu[i]:.6g}"
+    # On the boundary of closure the tolerances above would let pass what does not hold.
+    true = replace(grasp, p_BC=touched.p_BC, nhat_TB_B=touched.nhat_TB_B, mu=mu)
+    if check_proof(grasp, x).ok and not (check := check_proof(true, x)).ok:
+        yield f"with the surface's own points and normals, {check.reason}"
 
 
 def _check_numbers(stated: StatedGrasp, object_: StatedObject, clearance: float | None) -> Line:

@@ -25,11 +25,17 @@ _STEPS = np.geomspace(0.3, 0.01, 30)
 _SOFTNESS = np.geomspace(0.5, 0.01, 30)
 _STARTS = 16
 """Ours, from trials: more of each cost more than they lower the bound."""
-_CHUNK = 256
+_CHUNK = 64
 """Grasps at a time, which keeps the arrays of their directions in the cache."""
 _TINY = 1e-100
 """Keeps divisions finite."""
 _PAIRS = np.array(list(itertools.combinations(range(6), 2)))
+_ORDERS = np.array(list(itertools.permutations(range(3)))).T
+_TURNS = 16
+"""Ours: points of a rim that are tried; 32 lower the bound by 0.1 percent more."""
+_ANGLES = 2 * np.pi * (np.arange(_TURNS) + 0.5) / _TURNS
+_COSINES, _SINES = np.cos(_ANGLES), np.sin(_ANGLES)
+_NUM_TWISTS = 2 * _TURNS * _ORDERS.shape[1]
 
 
 def _unit(vectors: Array) -> Array:
@@ -190,13 +196,14 @@ def support(cones: Array, directions: Array) -> tuple[Array, Array]:
 
 
 def epsilon_upper_bound(
-    p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float
+    p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float, *, refine: bool = True
 ) -> Array:
-    """An upper bound of each grasp's epsilon, close to it for good grasps: to rank and to prune.
+    """An upper bound of each grasp's epsilon, close to it: to rank and to prune.
 
-    epsilon is the least h(w) over unit w. Any w bounds it; here w descends from rotations about
-    lines that the contacts single out, the twists a grasp resists least. On force closure grasps
-    of random contacts it is 3 percent too high in the median, for 0.2 to 0.4 ms each.
+    epsilon is the least h(w) over unit w, and any w bounds it: here those of
+    `critical_directions`, which alone are within 2 percent of it for 97 in 100 grasps of good
+    quality, for 0.1 ms each. Descents from rotations about lines that the contacts single out
+    catch most of the rest, for 0.3 ms more.
 
     Args:
         p_BC: contact points [m], shape (M, 3, 3).
@@ -204,18 +211,109 @@ def epsilon_upper_bound(
         mu: friction coefficients, shape (M, 3).
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
+        refine: whether to descend as well.
 
     Returns:
         Shape (M,), not negative; it does not depend on the frame or the order of the contacts.
     """
-    bounds = [
-        _least_support(
-            cone_wrenches(p_BC[rows], nhat_TB_B[rows], mu[rows], p_BBcm, rho),
-            _rotations(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho),
-        )
-        for rows in np.array_split(np.arange(len(p_BC)), len(p_BC) // _CHUNK + 1)
-    ]
-    return np.concatenate(bounds)
+    bounds: list[Array] = []
+    for rows in np.array_split(np.arange(len(p_BC)), len(p_BC) // _CHUNK + 1):
+        contacts = p_BC[rows], nhat_TB_B[rows], mu[rows]
+        cones = cone_wrenches(*contacts, p_BBcm, rho)
+        twists = _rim_twists(*contacts, p_BBcm, rho)
+        bound = _radii(cones, twists.reshape(len(rows), _NUM_TWISTS, 6)).min(axis=1)
+        if refine:
+            turns = _rotations(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
+            bound = np.minimum(bound, _least_support(cones, turns))
+        bounds.append(bound)
+    highest: Array = np.maximum(np.concatenate(bounds), 0.0)
+    return highest
+
+
+def critical_directions(
+    p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float, num: int = 12
+) -> tuple[Array, Array]:
+    """The unit w in which W reaches least far: what a change of the contacts must improve on.
+
+    Arguments as of `epsilon_upper_bound`. Of contacts that do not hold these are often ways to
+    leave.
+
+    Returns:
+        `num` local minima of h for each grasp, in no order, shape (M, num, 6), and the least of
+        h, which bounds epsilon from above, shape (M,).
+    """
+    found = []
+    for rows in np.array_split(np.arange(len(p_BC)), len(p_BC) // _CHUNK + 1):
+        contacts = p_BC[rows], nhat_TB_B[rows], mu[rows]
+        w = _rim_twists(*contacts, p_BBcm, rho)
+        cones = cone_wrenches(*contacts, p_BBcm, rho)
+        radius = _radii(cones, w.reshape(len(rows), _NUM_TWISTS, 6))
+        radius = radius.reshape(w.shape[:-1])
+        before, after = np.roll(radius, 1, axis=2), np.roll(radius, -1, axis=2)
+        is_least = (radius <= before) & (radius <= after)
+        order = np.where(is_least, radius, radius + radius.max(initial=0.0))
+        turns = _rotations(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
+        turn_radius = _radii(cones, turns)
+        w = np.concatenate([w.reshape(len(rows), _NUM_TWISTS, 6), turns], axis=1)
+        order = np.concatenate([order.reshape(len(rows), _NUM_TWISTS), turn_radius], axis=1)
+        best = np.argpartition(order, num, axis=1)[:, :num]
+        w = np.take_along_axis(w, best[..., None], axis=1)
+        least = np.minimum(radius.min(axis=(1, 2, 3)), turn_radius.min(axis=1))
+        found.append((_unit(w), np.maximum(least, 0.0)))
+    directions, bound = zip(*found, strict=True)
+    return np.concatenate(directions), np.concatenate(bound)
+
+
+def _rim_twists(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float) -> Array:
+    """Normals of the facets of W that hold one contact's disc whole, shape (M, 6, _TURNS, 2, 6).
+
+    A contact's part of W is a disc, the wrenches of its cone with normal force 1. The facet
+    nearest to the origin nearly always holds the disc of some contact i and touches the rims of
+    the others, j and k, in a point each. Seen as a twist with velocities g at the contacts, such
+    a w has g_i = n_i, and g_j and g_k with h = 1; rigidity leaves one freedom, the angle of the
+    point on rim j, sampled here, and two solutions for k. (i, j, k) are all permutations.
+    """
+    i, j, k = _ORDERS
+    frames = contact_frames(p_BC, nhat_TB_B)[:, j]
+    r = (p_BC - p_BBcm) / rho
+    r_i, r_ij, r_ik = (a[:, :, None] for a in (r[:, i], r[:, j] - r[:, i], r[:, k] - r[:, i]))
+    n_i, n_j, n_k = (nhat_TB_B[:, c, None] for c in (i, j, k))
+    mu_j, mu_k = mu[:, j, None], mu[:, k, None] ** 2
+
+    along = _COSINES[:, None] * frames[:, :, None, 1] + _SINES[:, None] * frames[:, :, None, 2]
+    along = along - mu_j[..., None] * n_j
+    # g_j = n_j + s along has h_j = 1; rigidity: (g_j - n_i) . r_ij = 0.
+    rate = _dot(along, r_ij)
+    s = _dot(n_i - n_j, r_ij) / np.where(np.abs(rate) < _ON_A_SIDE, _ON_A_SIDE, rate)
+    g_ij = n_j + s[..., None] * along - n_i
+    omega = np.cross(r_ij, g_ij) / (_dot(r_ij, r_ij) + _TINY)[..., None]
+    # What is left is a turn t about r_ij; h_k = 1 is quadratic in it.
+    g_k, rise = n_i + np.cross(omega, r_ik), np.cross(r_ij, r_ik)
+    x, x_t = _dot(n_k, g_k), _dot(n_k, rise)
+    a = mu_k * _dot(rise, rise) - (1 + mu_k) * x_t * x_t
+    b = mu_k * _dot(g_k, rise) - (1 + mu_k) * x * x_t + x_t
+    c = mu_k * _dot(g_k, g_k) - (1 + mu_k) * x * x + 2 * x - 1
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    t = np.stack([-b - root, -b + root], axis=-1)
+    t = t / np.where(np.abs(a) < _TINY, _TINY, a)[..., None]
+    omega = omega[..., None, :] + t[..., None] * r_ij[..., None, :]
+    v = n_i[..., None, :] - np.cross(omega, r_i[..., None, :])
+    twists: Array = np.concatenate([v, omega], axis=-1)
+    return twists
+
+
+def _dot(a: Array, b: Array) -> Array:
+    product: Array = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+    return product
+
+
+def _radii(cones: Array, w: Array) -> Array:
+    """h(w) / |w| for cones (M, 3, 3, 6) and directions (M, K, 6), shape (M, K)."""
+    M, K, _ = w.shape
+    rows = (w @ cones.reshape(M, 9, 6).transpose(0, 2, 1)).reshape(M, K, 3, 3)
+    h = rows[..., 0] + np.sqrt(rows[..., 1] ** 2 + rows[..., 2] ** 2)
+    radius: Array = h.max(axis=-1) / (np.linalg.norm(w, axis=-1) + _TINY)
+    return radius
 
 
 def _rotations(p_BC: Array, nhat_TB_B: Array, p_BBcm: Array, rho: float) -> Array:
@@ -250,19 +348,16 @@ def _least_support(cones: Array, directions: Array) -> Array:
         norm: Array = np.sqrt(((w @ moment) * w).sum(-1, keepdims=True)) + _TINY
         return norm
 
-    def radii(w: Array, h: Array) -> Array:
-        radius: Array = h.max(axis=-1) / (np.linalg.norm(w, axis=-1) + _TINY)
-        return radius
-
-    start = radii(directions, support(cones, directions)[0])
+    start = _radii(cones, directions)
     best = np.argsort(start, axis=1)[:, :_STARTS]
     w = np.take_along_axis(directions, best[..., None], axis=1)
     w = w / metric_norm(w)
     least = start.min(axis=1)
     for step, softness in zip(_STEPS, _SOFTNESS, strict=True):
         h, points = support(cones, w)
-        least = np.minimum(least, radii(w, h).min(axis=1))
         highest = h.max(axis=-1, keepdims=True)
+        radii = highest[..., 0] / (np.linalg.norm(w, axis=-1) + _TINY)
+        least = np.minimum(least, radii.min(axis=1))
         weights = np.exp((h - highest) / (softness * np.abs(highest) + _TINY))
         weights /= weights.sum(axis=-1, keepdims=True)
         slope = (weights[:, :, None] @ points)[:, :, 0]
@@ -270,6 +365,5 @@ def _least_support(cones: Array, directions: Array) -> Array:
         descent = (slope / value - w / ((w * w).sum(-1, keepdims=True) + _TINY)) @ inverse
         w = w - step * descent / metric_norm(descent)
         w /= metric_norm(w)
-    least = np.minimum(least, radii(w, support(cones, w)[0]).min(axis=1))
-    bound: Array = np.maximum(least, 0.0)
+    bound: Array = np.minimum(least, _radii(cones, w).min(axis=1))
     return bound

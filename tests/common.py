@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from drake_polygrasp.grasp import Array, Grasp, GraspPlane
 
@@ -80,3 +81,43 @@ def random_rotations(num: int, rng: np.random.Generator) -> Array:
     Q, upper = np.linalg.qr(rng.normal(size=(num, 3, 3)))
     Q = Q * np.sign(np.diagonal(upper, axis1=1, axis2=2))[:, None]
     return Q * np.linalg.det(Q)[:, None, None]
+
+
+def round_body(
+    num_facets: int, radii: tuple[float, float, float] = (0.05, 0.05, 0.05), noise: float = 0.0
+) -> Array:
+    """An ellipsoid of so many facets, an even number: vertices on a spiral, moved by noise [m].
+
+    Triangles of shape (T, 3, 3), counter-clockwise from outside.
+    """
+    count = num_facets // 2 + 2
+    k = np.arange(count) + 0.5
+    polar, turn = np.arccos(1 - 2 * k / count), np.pi * (1 + np.sqrt(5)) * k
+    sphere = np.c_[np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)]
+    corners = ConvexHull(sphere).simplices
+    inward = np.linalg.det(sphere[corners]) < 0
+    corners[inward] = corners[inward, ::-1]
+    points = sphere * radii + noise * np.random.default_rng(0).normal(size=sphere.shape)
+    triangles: Array = points[corners]
+    return triangles
+
+
+def damaged(triangles: Array, seed: int) -> Array:
+    """The same solid as careless software writes it: facets doubled, turned, jittered, split."""
+    rng = np.random.default_rng(seed)
+    L = np.ptp(triangles.reshape(-1, 3), axis=0).max()
+    vertices, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    vertices = vertices + 1e-8 * L * rng.uniform(-1, 1, vertices.shape)
+    out = list(vertices[index.reshape(-1, 3)])
+    for k in rng.choice(len(out), size=3, replace=False):
+        a, b, c = out[k]
+        match rng.integers(3):
+            case 0:
+                out.append(out[k].copy())
+            case 1:
+                out[k] = out[k][::-1]
+            case _:  # The neighbour across ab keeps its side whole: a T-junction.
+                middle = a + rng.uniform(0.2, 0.8) * (b - a)
+                out[k] = np.array([a, middle, c])
+                out.append(np.array([middle, b, c]))
+    return np.array(out)

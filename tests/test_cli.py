@@ -278,7 +278,7 @@ FILES = {
         ("explain missing.sdf", "missing.sdf"),
         ("explain {CUBE} --set 0,17", "0 to 5"),
         ("verify missing.grasp.yaml", "missing.grasp.yaml"),
-        ("verify .", "not a regular file"),
+        ("verify .", "is a folder"),
         ("verify empty.grasp.yaml", "not a mapping"),
         ("verify list.grasp.yaml", "not a mapping"),
         ("verify {CUBE}", "cube.sdf"),
@@ -381,7 +381,7 @@ def test_an_interrupt_is_exit_130(
 def test_a_native_crash_is_a_message() -> None:
     with pytest.raises(ModelError, match=r"thing: Drake crashed \(SIGABRT\)"):
         call_in_child("test_cli:abort", "thing")
-    with pytest.raises(ModelError, match="the reading process ended"):
+    with pytest.raises(ModelError, match="the process ended"):
         call_in_child("test_cli:leave", "thing")
 
 

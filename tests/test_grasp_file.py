@@ -366,7 +366,7 @@ def test_an_example_cut_or_garbled_anywhere_is_read_or_refused(
 
 
 def test_a_missing_a_huge_and_an_endless_file_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(GraspFileError, match="cannot be read: No such file"):
+    with pytest.raises(GraspFileError, match="there is no such grasp file"):
         load_grasps(tmp_path / "none.grasp.yaml")
     huge = tmp_path / "huge.grasp.yaml"
     with huge.open("wb") as file:

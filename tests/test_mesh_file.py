@@ -9,7 +9,7 @@ import pytest
 from convex_polyhedra import ellipsoid_hull, write_obj
 
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.mesh_file import check_mesh_file
+from drake_polygrasp.mesh_file import MAX_TRIANGLES, check_mesh_file
 
 VERTICES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
 FACES = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -45,6 +45,9 @@ BAD_OBJ = {
     "not a number": (VERTICES + "v nan 0 0\n" + FACES, "vertex 5 is not finite"),
     "infinite": (VERTICES + "v 0 inf 0\n" + FACES, "vertex 5 is not finite"),
     "overflow": (VERTICES + "v 0 1e999 0\n" + FACES, "vertex 5 is not finite"),
+    "beyond measure": (VERTICES + "v 0 -2e9 0\n" + FACES, "vertex 5 lies beyond 1e\\+09"),
+    "too many triangles": (VERTICES + (MAX_TRIANGLES // 4 + 1) * FACES, "simplify it"),
+    "too many in one polygon": (VERTICES + "f" + (MAX_TRIANGLES + 3) * " 1", "simplify it"),
     "words": (VERTICES + "v a b c\n" + FACES, "'a' is no number"),
     "broken index": (VERTICES + FACES + "f 1 2 3.5\n", "'3.5' is no number"),
     "binary": ("\x00\x01\x02" * 100, "at least 4 vertices"),
@@ -69,6 +72,8 @@ BAD_VTK = {
     "not finite": (VTK.replace("0 0 1\n", "0 0 nan\n"), "vertex 4 is not finite"),
     "points missing": (VTK.replace("POINTS 4", "POINTS 40"), "is no number"),
     "no tetrahedron": (VTK.replace("1 5\n4 0 1 2 3", "1 4\n3 0 1 2"), "not all tetrahedra"),
+    "too many points": (VTK.replace("POINTS 4", f"POINTS {10**18}"), "simplify it"),
+    "too many cells": (VTK.replace("CELLS 1 5", f"CELLS {10**18} 5"), "simplify it"),
     "zero cells": (VTK.replace("1 5\n4 0 1 2 3", "0 0"), "no cells"),
     "broken sizes": (VTK.replace("1 5", "-1 5"), "no sizes"),
 }

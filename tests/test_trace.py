@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 import shapely
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from drake_polygrasp import GraspObject, UsageError, explain_sets, load_object, plan_grasps
+from drake_polygrasp.cli import main
 from drake_polygrasp.planning.trace import trace
 from drake_polygrasp.planning.traced import Trace
-from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
+from drake_polygrasp.visualization.figures import draw_reasons, draw_trace, save_figure
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE
+from drake_polygrasp.visualization.sketch import draw_sketch
 
 MODELS = Path(__file__).parents[1] / "models"
 FILES = {
@@ -104,8 +107,19 @@ def test_strips_hold_their_faces_and_r_l_is_in_all_of_them() -> None:
 @pytest.mark.parametrize("name", FILES)
 def test_the_grasp_plane_stays_within_r_s(name: str) -> None:
     planes = [its.on_pi_s for its in traces(name).values() if its.on_pi_s is not None]
-    assert planes
-    assert all(plane.low < plane.height < plane.high for plane in planes)
+    assert any(plane.height is not None for plane in planes)
+    for plane in planes:
+        assert plane.height is None or plane.low < plane.height < plane.high
+
+
+def test_faces_that_are_not_opposed_are_projected_side_by_side() -> None:
+    fallen = [its for its in traces("t_block").values() if its.reason == "not_opposed"]
+    assert fallen
+    for its in fallen:
+        assert its.on_pi_s is not None and its.on_pi_s.height is None
+        lone, second, third = its.on_pi_s.faces
+        assert not shapely.area(lone & second) and not shapely.area(lone & third)
+        assert len(draw_trace(its).axes) == 1
 
 
 def test_faces_that_are_no_set_are_a_usage_error() -> None:
@@ -150,10 +164,37 @@ def test_the_force_triangle_closes() -> None:
         assert np.abs(total).max() < 1e-9
 
 
-def test_reasons_are_bars_as_long_as_their_counts() -> None:
-    from matplotlib.figure import Figure
+@pytest.mark.parametrize("with_grasp", [False, True])
+def test_a_sketch_shows_the_whole_object_and_tints_what_is_touched(with_grasp: bool) -> None:
+    bracket = object_("l_bracket")
+    grasp = plan_grasps(bracket, top=1).grasps[0] if with_grasp else None
+    ax = Figure().add_subplot(projection="3d")
+    draw_sketch(ax, bracket, grasp)
+    low, high = np.array([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()]).T
+    vertices = 1e3 * bracket.polyhedron.triangles_B.reshape(-1, 3)
+    assert low == pytest.approx(vertices.min(axis=0)) and high == pytest.approx(
+        vertices.max(axis=0)
+    )
+    touched = {*range(8)} if grasp is None else {*grasp.grasp.faces}
+    assert {int(text.get_text()) for text in ax.texts} == touched
 
+
+def test_reasons_are_bars_as_long_as_their_counts() -> None:
     ax = Figure().add_subplot()
     draw_reasons(ax, {"certified": 3, "orientation": 7})
     assert [bar.get_width() for bar in ax.patches] == [3, 7]  # type: ignore[attr-defined]
     assert to_hex(ax.patches[0].get_facecolor()).upper() == PLANE
+
+
+@pytest.mark.parametrize("options", [[], ["--set", "1,5"]])
+def test_explain_draws_what_it_says(options: list[str], tmp_path: Path) -> None:
+    model = str(MODELS / "l_bracket" / "l_bracket.sdf")
+    figure = tmp_path / "why.svg"
+    assert main(["explain", model, *options, "--figure", str(figure)]) == 0
+    assert "</svg>" in figure.read_text()
+
+
+@pytest.mark.parametrize("name", ["why.sketch", "missing/why.png"])
+def test_a_figure_that_cannot_be_written_is_a_usage_error(name: str, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"picture|written"):
+        save_figure(Figure(), tmp_path / name)

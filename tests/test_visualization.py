@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -140,10 +141,22 @@ def test_every_number_stands_upright_within_its_face(path: Path) -> None:
 
 def test_numbers_are_seen_from_outside_only() -> None:
     object_, _ = planned("l_bracket")
-    area = area_vectors(recorded("l_bracket").meshes["/mine/object/numbers"])
-    normals = np.array([face.R_BF[:, 2] for face in object_.polyhedron.faces])
-    unit = area / np.linalg.norm(area, axis=1)[:, None]
-    assert (np.abs(unit @ normals.T - 1).min(axis=1) < 1e-9).all()
+    for k, face in enumerate(object_.polyhedron.faces):
+        area = area_vectors(recorded("l_bracket").meshes[f"/mine/object/numbers/{k}"])
+        unit = area / np.linalg.norm(area, axis=1)[:, None]
+        assert unit == pytest.approx(np.tile(face.R_BF[:, 2], (len(unit), 1)))
+
+
+def test_patches_of_a_curved_surface_are_numbered_only_where_they_are_touched() -> None:
+    object_, grasps = planned("l_bracket")
+    patches = tuple(replace(face, reach=1e-3) for face in object_.polyhedron.faces)
+    curved = replace(object_, polyhedron=replace(object_.polyhedron, faces=patches))
+    recorder = Recorder()
+    draw_grasps(recorder, curved, grasps[:1], path="/mine")  # type: ignore[arg-type]
+    numbers = [path for path in recorder.meshes if "number" in path]
+    assert len(numbers) == len(set(grasps[0].grasp.faces))
+    assert len(recorder.meshes["/mine/object/faces"]) == len(curved.polyhedron.triangles_B)
+    assert "/mine/object/edges" not in recorder.paths
 
 
 def test_no_number_reads_as_another_even_upside_down() -> None:
@@ -331,8 +344,8 @@ def test_show_serves_until_interrupted() -> None:
     command = [sys.executable, "-m", "drake_polygrasp", "show", str(model("cube"))]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        lines = list(itertools.islice(process.stdout, 2))
-        url = lines[1].split()[1]
+        lines = list(itertools.islice(process.stdout, 3))
+        url = lines[2].split()[1]
         with urllib.request.urlopen(url, timeout=10) as page:
             assert page.status == 200
         process.send_signal(signal.SIGINT)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -19,18 +19,17 @@ import numpy as np
 from pydrake.geometry import Meshcat
 
 from drake_polygrasp.certification import exact, simulation, statics
-from drake_polygrasp.certification.certify import prove
+from drake_polygrasp.certification.certify import Proof, prove
 from drake_polygrasp.certification.geometry import check_geometry
 from drake_polygrasp.certification.holding import Holding, hold
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval, squeeze_force
 from drake_polygrasp.grasp import Array, Grasp, GraspObject, Verdict
+from drake_polygrasp.object_model import Solid
 
 LOAD_SHARE = 0.8
 """Ours: of what the squeeze bears in the worst direction. The hand squeezes with the squeeze force
 over this; disturbances, the weight included, are this times squeeze times epsilon."""
-
-
 LABELS = (
     *(f"weight along {sign}{axis}" for sign in "+-" for axis in "xyz"),
     *(
@@ -100,7 +99,8 @@ def certify_in_plant(
         ModelError: when the object came from no file, or the file cannot be read again.
     """
     scene = make_scene(object_, grasp, tip_radius, package_paths)
-    mathematics = _exact(grasp, internal_force), _convex(grasp)
+    proof = prove(grasp)
+    mathematics = _exact(grasp, internal_force, proof), _convex(proof)
     geometry = _geometry(scene)
     settings: dict[str, Any] = {
         "drake": metadata.version("drake"),
@@ -110,8 +110,9 @@ def certify_in_plant(
         "load_share": LOAD_SHARE,
         **simulation.settings(),
     }
-    plan = plan_loads(scene)
-    if geometry.verdict is not Verdict.HOLDS:
+    if geometry.verdict is Verdict.HOLDS:
+        plan = plan_loads(scene)
+    else:
         plan = Obstacle(Verdict.UNDECIDED, "not run: the geometry does not hold")
     if isinstance(plan, Obstacle):
         rest = (
@@ -130,11 +131,9 @@ def certify_in_plant(
     )
 
 
-def _exact(grasp: Grasp, internal_force: Array | None) -> PlantVerdict:
+def _exact(grasp: Grasp, internal_force: Array | None, proof: Proof) -> PlantVerdict:
     if internal_force is None:
-        internal_force = prove(grasp).internal_force
-    if internal_force is None:
-        return PlantVerdict("exact", Verdict.FAILS, None, "1", "there is no internal force")
+        return replace(_convex(proof), name="exact")
     numbers = grasp.p_BC.tolist(), grasp.nhat_TB_B.tolist(), grasp.mu.tolist()
     check = exact.check_force_closure(*numbers, internal_force.tolist())
     margin = exact.attained_margin(*numbers, internal_force.tolist())
@@ -142,8 +141,7 @@ def _exact(grasp: Grasp, internal_force: Array | None) -> PlantVerdict:
     return PlantVerdict("exact", _verdict(check.ok), stated, "1", check.reason)
 
 
-def _convex(grasp: Grasp) -> PlantVerdict:
-    proof = prove(grasp)
+def _convex(proof: Proof) -> PlantVerdict:
     margin = proof.margin if proof.verdict is Verdict.HOLDS else None
     return PlantVerdict("convex", proof.verdict, margin, "1", proof.reason)
 
@@ -191,6 +189,8 @@ def plan_loads(scene: Scene) -> LoadPlan | Obstacle:
     object_, grasp = scene.object_, scene.grasp
     if object_.mass is None:
         return Obstacle(Verdict.UNDECIDED, "not run: the model states no mass")
+    if not _has_inertia(scene.solid):
+        return Obstacle(Verdict.UNDECIDED, "not run: the model states no rotational inertia")
     contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
     needed = squeeze_force(*contacts, object_.p_BBcm, object_.rho, object_.mass)
     if needed is None:
@@ -207,6 +207,13 @@ def plan_loads(scene: Scene) -> LoadPlan | Obstacle:
     if holding is None:
         return Obstacle(Verdict.FAILS, "no contact forces hold the loads")
     return LoadPlan(holding.f_Bc_B[0], holding.rows(slice(1, None)), LABELS)
+
+
+def _has_inertia(solid: Solid) -> bool:
+    """Whether the body resists turning about every axis, without which Drake moves nothing."""
+    M = solid.M_BBo_B
+    central = M.Shift(M.get_com()).CalcRotationalInertia()
+    return bool(min(central.CalcPrincipalMomentsOfInertia()) > 0)
 
 
 def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium]) -> PlantVerdict:

@@ -107,6 +107,7 @@ def settings() -> dict[str, Any]:
         "time_step": TIME_STEP,
         "settle_time": 2 * SETTLE_TIME,
         "load_time": RAMP_TIME + HOLD_TIME,
+        "tip_mass_per_object_mass": TIP_MASS,
         "tip_travel_per_diameter": TIP_TRAVEL,
         "contact_stiffness_ratio": CONTACT_STIFFNESS,
         "stiction_speed_per_diameter": STICTION_SPEED,
@@ -228,7 +229,7 @@ class _Harness:
                 self._context.SetDiscreteState(settled)
                 self._hold(load, wrench, push)
         except RuntimeError as error:  # What flies off ends in numbers that are not finite.
-            if "finite" not in str(error):
+            if "finite" not in str(error) or not self._samples:
                 raise
         if self._visualizer is not None:
             self._visualizer.StopRecording()

@@ -25,10 +25,12 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_polygrasp.certification.holding import Holding, spare_friction
 from drake_polygrasp.certification.scratch_plant import Scene, add_pads, add_tip
+from drake_polygrasp.certification.wrench_space import GRAVITY
 from drake_polygrasp.grasp import Array, frozen
 
 TOLERANCE = 1e-6
-"""Ours: what may stay unbalanced, times the weight; SNOPT's tolerances too."""
+"""Ours: what may stay unbalanced, times the weight; what SNOPT aims at, times the weight and, for
+torques, rho."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +53,14 @@ class Equilibrium:
     @property
     def fault(self) -> str:
         """Why it is none, or nothing."""
+        weight = float(np.linalg.norm(self.weight_B))
         if not self.residual <= TOLERANCE:
             return f"the planned forces leave {self.residual:.2g} of the weight unbalanced"
         if not len(self.f_Bc_B):
             return "StaticEquilibriumProblem finds no contact forces"
         if not self.drake_residual <= TOLERANCE:
             return f"StaticEquilibriumProblem leaves {self.drake_residual:.2g} of the weight"
-        if not self.drake_spare_friction >= -TOLERANCE * np.linalg.norm(self.weight_B):
+        if not self.drake_spare_friction >= -TOLERANCE * weight:
             return "StaticEquilibriumProblem uses more friction than there is"
         return ""
 
@@ -70,7 +73,9 @@ def find_equilibria(scene: Scene, holding: Holding) -> tuple[Equilibrium, ...]:
     pads = add_pads(plant, body, scene)
     tips = [add_tip(plant, plant.world_body(), scene, i, on_pad=True) for i in range(3)]
     plant.Finalize()
-    solver = _EquilibriumSolver(builder.Build(), pads, tips)
+    weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
+    tolerance = TOLERANCE * weight * min(1.0, scene.object_.rho)
+    solver = _EquilibriumSolver(builder.Build(), pads, tips, tolerance)
     equilibria = []
     for wrench, f_Bc_B in zip(holding.wrench_B, holding.f_Bc_B, strict=True):
         gravity = wrench[:3] / scene.solid.M_BBo_B.get_mass()
@@ -104,7 +109,13 @@ def _residual(scene: Scene, plant: MultibodyPlant, p_BC: Array, f_Bc_B: Array) -
 class _EquilibriumSolver:
     """Static equilibrium of a plant with the object where it is by default."""
 
-    def __init__(self, diagram: Diagram, pads: list[GeometryId], tips: list[GeometryId]) -> None:
+    def __init__(
+        self,
+        diagram: Diagram,
+        pads: list[GeometryId],
+        tips: list[GeometryId],
+        tolerance: float,
+    ) -> None:
         self._diagram = diagram.ToAutoDiffXd()
         self._context = self._diagram.CreateDefaultContext()
         self._plant: MultibodyPlant_[AutoDiffXd] = self._diagram.GetSubsystemByName("plant")
@@ -116,7 +127,7 @@ class _EquilibriumSolver:
         }
         self._options = SolverOptions()
         for name in ("Major feasibility", "Major optimality", "Minor feasibility"):
-            self._options.SetOption(SnoptSolver.id(), f"{name} tolerance", TOLERANCE)
+            self._options.SetOption(SnoptSolver.id(), f"{name} tolerance", tolerance)
 
     def solve(self, gravity: Array, nhat_TB_B: Array, guess: Array) -> tuple[Array, Array]:
         """Contact points [m] and forces on B [N], both (3, 3); (0, 3) where none are found."""

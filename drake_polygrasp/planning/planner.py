@@ -6,6 +6,7 @@ Contacts are constructed here, not proved: whoever returns them as a grasp must 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Literal
 
@@ -13,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_polygrasp.grasp import Array, Bools, Ints
-from drake_polygrasp.planning.contact_points import nonparallel_contacts, opposed_contacts
+from drake_polygrasp.planning.contact_points import HALF, nonparallel_contacts, opposed_contacts
 from drake_polygrasp.planning.grasp_plane import (
     grouped_ties,
     nonparallel_planes,
@@ -167,25 +168,29 @@ def plan_sets(
     diameter: float,
     rho: float,
     method: Method = "paper",
+    *,
+    spread: bool = True,
+    chosen: Ints | None = None,
 ) -> SetPlan:
-    """Runs Sections 4 to 7 on all sets of three and of two regions.
+    """Runs Sections 4 to 7 on all sets of three and of two regions, or on chosen ones.
 
     Args:
         regions: the eroded faces A_i.
         p_BBcm: centre of mass [m], shape (3,).
         diameter: L [m].
         rho: greatest distance from the centre of mass to the surface [m].
-        method: "paper" as the text is read here; "enriched" scales Q by the object and tries the
-            variants of planning/variants.py.
+        method: "paper" as the text is read here; "enriched" scales Q by the object.
+        spread: whether "enriched" tries all of variants.SPREADS.
+        chosen: the only sets to evaluate, ascending, -1 for a pair's third, shape (M, 3).
     """
-    stages = _Stages(regions, boundary(regions), Scale(p_BBcm, rho, diameter), method)
+    spreads = SPREADS if method == "enriched" and spread else (HALF,)
+    scale = Scale(p_BBcm, rho, diameter)
+    stages = _Stages(regions, boundary(regions), scale, method, spreads)
     sets: list[Ints] = []
     codes: list[npt.NDArray[np.int8]] = []
     found: list[_Found] = []
     first = 0
-    num_regions = len(regions.face)
-    batches = [*triples(num_regions), pairs(num_regions)]
-    for batch in batches:
+    for batch in _batches(len(regions.face), chosen):
         code, some = (stages.triples if batch.shape[1] == 3 else stages.pairs)(batch, first)
         sets.append(np.pad(batch, ((0, 0), (0, 3 - batch.shape[1])), constant_values=-1))
         codes.append(code)
@@ -196,6 +201,16 @@ def plan_sets(
         np.concatenate(codes),
         _candidates(found, rho, method),
     )
+
+
+def _batches(num_regions: int, chosen: Ints | None) -> Iterator[Ints]:
+    """Triples, shape (M, 3), and last the pairs, shape (M, 2)."""
+    if chosen is None:
+        yield from triples(num_regions)
+        yield pairs(num_regions)
+    else:
+        yield chosen[chosen[:, 2] >= 0]
+        yield chosen[chosen[:, 2] < 0, :2]
 
 
 def _candidates(found: list[_Found], rho: float, method: Method) -> Candidates:
@@ -226,6 +241,7 @@ class _Stages:
     edges: Boundary
     scale: Scale
     method: Method
+    spreads: tuple[float, ...]
 
     def triples(self, region: Ints, first: int) -> tuple[npt.NDArray[np.int8], list[_Found]]:
         """Sets of three regions, shape (M, 3), the first of them number `first` of all sets."""
@@ -345,10 +361,11 @@ class _Stages:
     ) -> _Found:
         best = _Valued(cut, q_4, q_5, self.scale).best()
         cut, q_4, q_5 = cut.take(best), q_4[best], q_5[best]
-        spreads = SPREADS[:1] if self.method == "paper" else SPREADS
-        contacts = np.stack([opposed_contacts(cut, self.scale, spread) for spread in spreads], 1)
+        contacts = np.stack(
+            [opposed_contacts(cut, self.scale, spread) for spread in self.spreads], axis=1
+        )
         self._mark(code, where[cut.owner], contacts[:, 0], "wrong_order")
-        repeated = np.repeat(np.arange(len(q_4)), len(spreads))
+        repeated = np.repeat(np.arange(len(q_4)), len(self.spreads))
         return self._found(
             cut.take(repeated),
             contacts.reshape(-1, 3, 3),

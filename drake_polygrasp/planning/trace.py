@@ -188,7 +188,10 @@ class _Steps:
         axes_uv: Array,
     ) -> Trace:
         if not len(planes.owner):
-            return self._trace(region, alpha, phi, is_parallel=True)
+            faces = self._projected(region, axes_uv)
+            p_cm = axes_uv @ self.scale.p_BBcm
+            on_pi_s = OnPiS(axes_uv, faces, shapely.Polygon(), None, None, None, p_cm)
+            return self._trace(region, alpha, phi, None, on_pi_s, is_parallel=True)
         plane, row = self._chosen(planes, cut)
         axes = np.stack(
             [np.cross(planes.along_B[plane], planes.nhat_B[plane]), planes.nhat_B[plane]]

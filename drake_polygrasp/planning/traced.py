@@ -34,7 +34,11 @@ class OnPiL:
 
 @dataclass(frozen=True, eq=False)
 class OnPiS:
-    """Sections 4.1 (step 2), 4.2 and 5; the second axis is N, so Pi_p is level."""
+    """Sections 4.1 (step 2), 4.2 and 5; the second axis is N, so Pi_p is level.
+
+    Where faces are not opposed, or no direction meets them all, there are only their projections,
+    on axes of no meaning.
+    """
 
     axes_B: Array
     """Shape (2, 3)."""
@@ -42,11 +46,11 @@ class OnPiS:
     """Projections A_i^s [m], shape (3,)."""
     common: shapely.Geometry
     """A_aux2 of a parallel set, R_maxT (or the pocket that holds it) of a pair, else empty."""
-    low: float
-    """Bounds of R^s [m]."""
-    high: float
-    height: float
-    """Of Pi_p [m]."""
+    low: float | None
+    """Bounds of R^s [m], where it is not empty."""
+    high: float | None
+    height: float | None
+    """Of Pi_p [m], where R^s is not empty."""
     p_cm: Array
     """c_m^s [m], shape (2,)."""
 

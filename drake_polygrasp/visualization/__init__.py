@@ -5,8 +5,10 @@
 | scene.py | an object and its grasps in a Meshcat, one's own or a new one |
 | page.py | all of a Meshcat as one web page that needs no server, with buttons |
 | figures.py | what each section of the paper computes for one set of faces (needs matplotlib) |
+| sketch.py | a still 3-D picture of a grasp (needs matplotlib) |
 | palette.py | the colours of all of them |
 | labels.py | numbers of faces as shapes |
+| meshes.py | triangles and edges of faces |
 """
 
 from drake_polygrasp.visualization.page import save_html

@@ -6,7 +6,8 @@ own for print.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from matplotlib.path import Path
 from matplotlib.transforms import ScaledTranslation
 
 from drake_polygrasp.certification.convex import find_internal_forces
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.errors import UsageError
+from drake_polygrasp.grasp import Array, GraspObject
+from drake_polygrasp.planning.trace import trace
 from drake_polygrasp.planning.traced import OnPiL, OnPiP, OnPiS, Trace
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE
 from drake_polygrasp.wrench import edge_forces
@@ -27,31 +30,62 @@ _HATCHES = ("////", "\\\\\\\\", "....")
 _MM = 1e3
 
 
-def draw_trace(trace: Trace) -> Figure:
+def draw_explanation(
+    object_: GraspObject,
+    counts: Mapping[str, int],
+    faces: Sequence[int] | None = None,
+    edge_clearance: float | None = None,
+) -> Figure:
+    """What became of one set of faces, by the paper; of all of them, where none is named.
+
+    Args:
+        object_: what to grasp.
+        counts: how many sets ended with each reason.
+        faces: two or three indices, or None.
+        edge_clearance: as of `planning.trace.trace` [m].
+    """
+    if faces is not None:
+        return draw_trace(trace(object_, faces, edge_clearance))
+    figure = Figure(figsize=(7.0, 0.8 + 0.4 * len(counts)), layout="constrained")
+    draw_reasons(figure.add_subplot(), counts)
+    return figure
+
+
+def save_figure(figure: Figure, file: FilePath) -> None:
+    """Writes a figure; UsageError when the file's kind is unknown or it cannot be written."""
+    try:
+        figure.savefig(file, dpi=150)
+    except ValueError as error:
+        raise UsageError(f"{file}: is no kind of picture that can be drawn: {error}") from error
+    except OSError as error:
+        raise UsageError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def draw_trace(its: Trace) -> Figure:
     """One panel for each plane that the set came to, and one for the forces that hold.
 
     Args:
-        trace: what `planning.trace.trace` found.
+        its: what `planning.trace.trace` found.
     """
     panels: list[tuple[Callable[..., None], Any]] = [
         (draw, plane)
         for draw, plane in (
-            (draw_pi_l, trace.on_pi_l),
-            (draw_pi_s, trace.on_pi_s),
-            (draw_pi_p, trace.on_pi_p),
+            (draw_pi_l, its.on_pi_l),
+            (draw_pi_s, its.on_pi_s),
+            (draw_pi_p, its.on_pi_p),
         )
         if plane is not None
     ]
-    if trace.p_BC is not None:
-        panels.append((draw_forces, trace))
+    if its.p_BC is not None:
+        panels.append((draw_forces, its))
     rows = max(1, -(-len(panels) // 2))
     figure = Figure(figsize=(10.0, 0.6 + 4.6 * rows), layout="constrained")
-    faces = ", ".join(map(str, trace.faces))
-    end = "contacts found" if trace.p_BC is not None else f"rejected: {trace.reason}"
-    kind = "parallel" if trace.is_parallel else "non-parallel"
+    faces = ", ".join(map(str, its.faces))
+    end = "contacts found" if its.p_BC is not None else f"rejected: {its.reason}"
+    kind = "parallel" if its.is_parallel else "non-parallel"
     figure.suptitle(
-        f"faces {faces} ({kind}): phi = {np.degrees(trace.phi):.1f}°, "
-        f"alpha = {np.degrees(trace.alpha):.1f}°; {end}"
+        f"faces {faces} ({kind}): phi = {np.degrees(its.phi):.1f}°, "
+        f"alpha = {np.degrees(its.alpha):.1f}°; {end}"
     )
     for i, (draw, argument) in enumerate(panels):
         draw(figure.add_subplot(rows, 2, i + 1), argument)
@@ -81,7 +115,8 @@ def draw_pi_s(ax: Axes, plane: OnPiS) -> None:
     """Projections A_i^s and their hull, R^s, the part that Section 5 starts from, and Pi_p."""
     _prepare(ax, r"$\Pi_s$ (4, 5): $R^s$ and $\Pi_p$, edge on", plane.faces)
     reach = _MM * _reach(plane.faces)
-    ax.axhspan(_MM * plane.low, _MM * plane.high, color=PLANE, alpha=0.25, lw=0, label="$R^s$")
+    if plane.low is not None and plane.high is not None:
+        ax.axhspan(_MM * plane.low, _MM * plane.high, color=PLANE, alpha=0.25, lw=0, label="$R^s$")
     same = shapely.equals(plane.faces[1], plane.faces[2])
     labels = ("$A_1^s$", "$A_2^s = A_3^s$") if same else ("$A_1^s$", "$A_2^s$", "$A_3^s$")
     for i, label in enumerate(labels):
@@ -91,7 +126,9 @@ def draw_pi_s(ax: Axes, plane: OnPiS) -> None:
     if not shapely.is_empty(plane.common):
         style = {"facecolor": "none", "edgecolor": INK, "linewidth": 1.8, "linestyle": ":"}
         _fill(ax, plane.common, label=r"$A_{aux2}$ or $R^s_{maxT}$", **style)
-    ax.plot([-reach, reach], [_MM * plane.height] * 2, color=PLANE, linewidth=2.5, label=r"$\Pi_p$")
+    if plane.height is not None:
+        level = [_MM * plane.height] * 2
+        ax.plot([-reach, reach], level, color=PLANE, linewidth=2.5, label=r"$\Pi_p$")
     _mark(ax, plane.p_cm, "x", "$c_m^s$")
     _legend(ax)
 
@@ -137,25 +174,25 @@ def _draw_contacts(ax: Axes, plane: OnPiP, concurrent: bool) -> None:
         _line(ax, plane.contacts[0], plane.directions[0], 1.0, color=INK, lw=0.9, ls="--")
 
 
-def draw_forces(ax: Axes, trace: Trace) -> None:
+def draw_forces(ax: Axes, its: Trace) -> None:
     """The planar cones, Pi_p cut with C_fi, and internal forces head to tail: they close.
 
     Their sizes are parts of the whole normal force; each cone stands where its force begins.
     """
     ax.set_title("forces in balance, in their planar cones")
     ax.set_aspect("equal")
-    if trace.p_BC is None or trace.on_pi_p is None:
+    if its.p_BC is None or its.on_pi_p is None:
         return
-    batch = trace.p_BC[None], trace.nhat_TB_B[None], trace.mu[None]
-    f_Bc_B = edge_forces(trace.p_BC[None], find_internal_forces(*batch))[0]
+    batch = its.p_BC[None], its.nhat_TB_B[None], its.mu[None]
+    f_Bc_B = edge_forces(its.p_BC[None], find_internal_forces(*batch))[0]
     if not np.isfinite(f_Bc_B).all():
         ax.text(0.5, 0.5, "no internal force exists", transform=ax.transAxes, ha="center")
         return
-    axes_B = trace.on_pi_p.axes_B
-    f, nprime = f_Bc_B @ axes_B.T, trace.on_pi_p.nprime
+    axes_B = its.on_pi_p.axes_B
+    f, nprime = f_Bc_B @ axes_B.T, its.on_pi_p.nprime
     # A plane at angle phi_i to the axis cuts the cone of half-angle alpha_i at beta_i.
-    cosine = np.linalg.norm(trace.nhat_TB_B @ axes_B.T, axis=1)
-    beta = np.arccos(np.minimum(1, 1 / np.hypot(1, trace.mu) / cosine))
+    cosine = np.linalg.norm(its.nhat_TB_B @ axes_B.T, axis=1)
+    beta = np.arccos(np.minimum(1, 1 / np.hypot(1, its.mu) / cosine))
     tail = np.zeros(2)
     # Forces along one line are drawn side by side.
     apart = 0.15 * np.array([f[0, 1], -f[0, 0]]) * (abs(np.linalg.det(f[:2])) < 1e-3)

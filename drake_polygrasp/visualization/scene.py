@@ -13,10 +13,16 @@ import shapely
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_polygrasp.grasp import Array, CertifiedGrasp, GraspObject, Ints
+from drake_polygrasp.grasp import Array, CertifiedGrasp, GraspObject
 from drake_polygrasp.grasp_file import StatedGrasp
 from drake_polygrasp.polyhedron import Face, surface_vertices
 from drake_polygrasp.visualization.labels import label_F
+from drake_polygrasp.visualization.meshes import (
+    face_edges,
+    face_triangles,
+    shape_triangles,
+    surface_triangles,
+)
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
 from drake_polygrasp.wrench import edge_forces
 
@@ -28,6 +34,8 @@ _TIP, _MARK, _CONE, _LABEL = 0.02, 0.012, 0.14, 0.06
 """Times L: a fingertip, what marks a mere point, a friction cone's side, a face's number."""
 _LIFT = 1e-3
 """Times L, ours: how far what lies on a face is lifted, lest the two flicker."""
+_MANY = 2000
+"""Triangles, ours: beyond, they share vertices, which keeps pages small but rounds edges."""
 
 _NOWHERE = np.empty((0, 3))
 
@@ -40,6 +48,8 @@ def draw_object(
 ) -> None:
     """Draws an object: translucent faces with their edges and numbers, and its centre of mass.
 
+    Patches of a curved surface have neither; a grasp numbers those that it touches.
+
     Args:
         meshcat: where to draw; nothing but `path` is changed.
         object_: the object.
@@ -49,16 +59,14 @@ def draw_object(
     L, faces = object_.polyhedron.diameter, object_.polyhedron.faces
     path = f"{path}/object"
     meshcat.Delete(path)
-    _set_mesh(meshcat, f"{path}/faces", _joined([_face_mesh(face) for face in faces]), OBJECT, 0.35)
-    ends = np.concatenate([_edges(face) for face in faces])
-    meshcat.SetLineSegments(f"{path}/edges", ends[:, 0].T, ends[:, 1].T, 1.5, Rgba(*rgb(INK)))
-    labels = [
-        _triangles(face, label_F(face, k, _LABEL * L, keep_clear_B), 2 * _LIFT * L)
-        for k, face in enumerate(faces)
-    ]
-    _set_mesh(
-        meshcat, f"{path}/numbers", _joined(labels), INK, 1.0, Meshcat.SideOfFaceToRender.kFrontSide
-    )
+    _set_mesh(meshcat, f"{path}/faces", surface_triangles(object_.polyhedron), OBJECT, 0.35)
+    flat = [face for face in faces if face.reach == 0]
+    ends = face_edges(flat)
+    if len(ends):
+        meshcat.SetLineSegments(f"{path}/edges", ends[:, 0].T, ends[:, 1].T, 1.5, Rgba(*rgb(INK)))
+    for k, face in enumerate(faces):
+        if face.reach == 0:
+            _draw_number(meshcat, f"{path}/numbers/{k}", face, k, L, keep_clear_B)
     _set_shape(meshcat, f"{path}/centre_of_mass", Sphere(_MARK * L), INK, 1.0, object_.p_BBcm)
 
 
@@ -91,20 +99,18 @@ def draw_grasp(
     for i, colour in enumerate(CONTACTS):
         p_BC, nhat_B, mu = contacts.p_BC[i], contacts.nhat_TB_B[i], float(contacts.mu[i])
         here = f"{path}/contact_{i + 1}"
-        face = contacts.faces[i]
-        if face not in tinted and face < len(object_.polyhedron.faces):
-            tinted.add(face)
-            mesh = _face_mesh(object_.polyhedron.faces[face], _LIFT * L)
-            _set_mesh(meshcat, f"{here}/face", mesh, colour, 0.45)
+        k = contacts.faces[i]
+        if k not in tinted and k < len(object_.polyhedron.faces):
+            tinted.add(k)
+            face = object_.polyhedron.faces[k]
+            _set_mesh(meshcat, f"{here}/face", face_triangles(face, _LIFT * L), colour, 0.45)
+            if face.reach > 0:
+                _draw_number(meshcat, f"{here}/number", face, k, L, contacts.p_BC)
         tip = _TIP * L if tip_radius is None else tip_radius
-        _set_shape(
-            meshcat,
-            f"{here}/fingertip",
-            Sphere(tip or _MARK * L),
-            colour,
-            1.0,
-            p_BC - tip * nhat_B,
-        )
+        sphere, p_BT = Sphere(tip or _MARK * L), p_BC - tip * nhat_B
+        _set_shape(meshcat, f"{here}/fingertip", sphere, colour, 0.75, p_BT)
+        # Last, so that the disc shows through.
+        meshcat.SetProperty(f"{here}/fingertip/<object>", "renderOrder", 2.0)
         _draw_cone(meshcat, f"{here}/friction_cone", p_BC, nhat_B, mu, _CONE * L, colour)
         _draw_arrow(meshcat, f"{here}/force", p_BC, FORCE_SCALE * L * f_Bc_B[i], 0.007 * L, colour)
         if tolerance := certificate.placement_tolerance:
@@ -156,10 +162,11 @@ def look_at(meshcat: Meshcat, object_: GraspObject, grasp: AnyGrasp | None = Non
     meshcat.SetProperty("/Cameras/default/rotated/<object>", "fov", 30.0)
     vertices = surface_vertices(object_.polyhedron)
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    meshcat.SetCameraPose(centre + 2.4 * L * _best_view(grasp), centre)
+    meshcat.SetCameraPose(centre + 2.4 * L * best_view(grasp), centre)
 
 
-def _best_view(grasp: AnyGrasp | None) -> Array:
+def best_view(grasp: AnyGrasp | None) -> Array:
+    """Unit vector from the object to the eye, shape (3,), as `look_at` chooses it."""
     azimuth = np.radians(np.arange(-60, 300, 30))
     elevation = np.radians([[25], [45]])
     views = np.stack(
@@ -174,52 +181,32 @@ def _best_view(grasp: AnyGrasp | None) -> Array:
         return np.asarray(views[0])
     plane = np.abs(views @ grasp.grasp.grasp_plane.nhat_B)
     touched = np.minimum(-views @ grasp.grasp.nhat_TB_B.T, 0.5).sum(axis=1)
-    # Rounded, so that the first of equal views counts.
-    return np.asarray(views[np.argmax(np.round(plane + touched / 3, 9))])
+    # Rounded, so that of nearly equal views the first, a usual one, counts.
+    return np.asarray(views[np.argmax(np.round(plane + touched / 3, 1))])
 
 
-Triangles = tuple[Array, Ints]
-"""Vertices in B [m], shape (V, 3), and the indices of each triangle's, shape (T, 3)."""
-
-
-def _triangles(face: Face, shape_F: shapely.Geometry, lift: float = 0.0) -> Triangles:
-    """A shape on a face, lifted off it by `lift` [m]; counter-clockwise from outside."""
-    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(shape_F))
-    pieces = shapely.orient_polygons(pieces)
-    xy = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
-    p_BV = face.p_BF + xy @ face.R_BF[:, :2].T + lift * face.R_BF[:, 2]
-    return p_BV, np.arange(len(p_BV)).reshape(-1, 3)
-
-
-def _face_mesh(face: Face, lift: float = 0.0) -> Triangles:
-    return _triangles(face, face.polygon_F, lift)
-
-
-def _joined(meshes: Sequence[Triangles]) -> Triangles:
-    starts = np.cumsum([0, *(len(p_BV) for p_BV, _ in meshes)])
-    indices = [index + start for (_, index), start in zip(meshes, starts, strict=False)]
-    return np.concatenate([p_BV for p_BV, _ in meshes]), np.concatenate(indices)
-
-
-def _edges(face: Face) -> Array:
-    """The edges of a face in B [m], shape (E, 2, 3)."""
-    ends = []
-    for ring in (face.polygon_F.exterior, *face.polygon_F.interiors):
-        xy = shapely.get_coordinates(ring)
-        p_BV = face.p_BF + xy @ face.R_BF[:, :2].T
-        ends.append(np.stack([p_BV[:-1], p_BV[1:]], axis=1))
-    return np.concatenate(ends)
+def _draw_number(
+    meshcat: Meshcat, path: str, face: Face, k: int, L: float, keep_clear_B: Array
+) -> None:
+    """The face's number, to be read from outside only."""
+    label = label_F(face, k, _LABEL * L, keep_clear_B)
+    triangles = shape_triangles(face, label, face.reach + 2 * _LIFT * L)
+    _set_mesh(meshcat, path, triangles, INK, 1.0, Meshcat.SideOfFaceToRender.kFrontSide)
 
 
 def _set_mesh(
     meshcat: Meshcat,
     path: str,
-    mesh: Triangles,
+    triangles: Array,
     colour: str,
     opacity: float,
     side: Meshcat.SideOfFaceToRender = Meshcat.SideOfFaceToRender.kDoubleSide,
 ) -> None:
-    p_BV, index = mesh
+    p_BV = triangles.reshape(-1, 3)
+    vertex = np.arange(len(p_BV))
+    if len(triangles) > _MANY:
+        p_BV, vertex = np.unique(p_BV, axis=0, return_inverse=True)
+    index = vertex.reshape(-1, 3)
     meshcat.SetTriangleMesh(path, p_BV.T, index.T, Rgba(*rgb(colour), opacity), side=side)
     _let_through(meshcat, path, opacity)
 
@@ -289,14 +276,13 @@ def _draw_plane(
     around = shapely.oriented_envelope(shapely.multipoints(xy))
     around = shapely.buffer(around, 0.06 * object_.polyhedron.diameter, join_style="mitre")
     corners = p_BC[0] + shapely.get_coordinates(around)[:4] @ axes.T
-    index = np.array([[0, 1, 2], [0, 2, 3]])
-    _set_mesh(meshcat, f"{path}/area", (corners, index), PLANE, 0.2)
+    _set_mesh(meshcat, f"{path}/area", corners[[[0, 1, 2], [0, 2, 3]]], PLANE, 0.2)
     border = np.roll(corners, -1, axis=0)
     meshcat.SetLineSegments(f"{path}/border", corners.T, border.T, 1.5, Rgba(*rgb(PLANE)))
 
 
 def _draw_triangle(meshcat: Meshcat, path: str, p_BC: Array, L: float) -> None:
-    _set_mesh(meshcat, f"{path}/area", (p_BC, np.array([[0, 1, 2]])), PLANE, 0.5)
+    _set_mesh(meshcat, f"{path}/area", p_BC[None], PLANE, 0.5)
     for i, (p_BA, p_BE) in enumerate(zip(p_BC, np.roll(p_BC, -1, axis=0), strict=True)):
         side = p_BE - p_BA
         length = float(np.linalg.norm(side))

@@ -89,6 +89,7 @@ def serve(exhibit: Exhibit) -> Iterator[str]:
     if count > 1:
         meshcat.AddSlider(SLIDER, 1, count, 1, 1, "ArrowLeft", "ArrowRight")
         yield f"{count} grasps, best first: the slider in the controls or the arrow keys step on"
+    yield "contacts 1, 2, 3 and their faces are blue, orange, green; the grasp plane is purple"
     yield f"open {meshcat.web_url()} in a browser; Ctrl-C ends"
     rank = 1
     try:

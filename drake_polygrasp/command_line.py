@@ -1,0 +1,219 @@
+"""The grammar of the command line: what `polygrasp` may be asked, and with which options."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+MAX_FRICTION, MAX_LENGTH = 100.0, 1000.0
+"""Ours: coefficients and lengths [m] beyond these are slips of the pen."""
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The whole grammar; the result's `command` says which command was given."""
+    parser = argparse.ArgumentParser(
+        prog="polygrasp",
+        description="Plans grasps of three frictional point contacts on two or three faces of an "
+        "object, and proves each one.",
+        epilog="Exit status: 0 when all that was asked for holds, 1 when there is no certified "
+        "grasp or something does not hold, 2 when the input or the usage is wrong.",
+    )
+    commands = parser.add_subparsers(metavar="COMMAND", dest="command", required=True)
+    _add_plan(commands)
+    _add_verify(commands)
+    _add_explain(commands)
+    _add_show(commands)
+    _add_export(commands)
+    return parser
+
+
+def _add_command(commands: Any, name: str, help_: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=help_, description=help_)
+    return parser
+
+
+def _add_package_path(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--package-path",
+        metavar="DIR",
+        action="append",
+        default=[],
+        help="folder to search for the packages of package:// URIs (may be repeated)",
+    )
+
+
+def _add_common_options(parser: argparse.ArgumentParser) -> None:
+    _add_package_path(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object for machines")
+
+
+def _add_object_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "model", metavar="MODEL", help="what Drake reads: .sdf .urdf .xml .dmd.yaml .obj"
+    )
+    parser.add_argument("--body", metavar="NAME", help="the body to grasp, where there are several")
+    parser.add_argument(
+        "--mu",
+        type=_friction,
+        help="friction coefficient of all contacts (default: the model's, the lesser of static "
+        "and dynamic; 0.3 where it states none)",
+    )
+    parser.add_argument(
+        "--method",
+        choices=("enriched", "paper"),
+        default="enriched",
+        help="the paper as printed, or with variants of its contacts (default: enriched)",
+    )
+    parser.add_argument(
+        "--edge-clearance",
+        metavar="M",
+        type=_length,
+        help="least distance of a contact from its face's edges [m] (default: the lesser of "
+        "1 percent of the object's diameter and a fifth of the face's inradius)",
+    )
+    parser.add_argument(
+        "--tip-radius",
+        metavar="M",
+        type=_length,
+        help="radius of the fingertips that need room [m] (default: 2 percent of the object's "
+        "diameter; 0: points)",
+    )
+
+
+def _add_plan(commands: Any) -> None:
+    parser = _add_command(commands, "plan", "Plan grasps, prove them and write them.")
+    _add_object_options(parser)
+    parser.add_argument(
+        "--top",
+        metavar="K",
+        type=_count,
+        default=10,
+        help="how many grasps to write at most (default: 10)",
+    )
+    parser.add_argument(
+        "--rank",
+        choices=("epsilon", "margin", "Q"),
+        help="what puts one grasp before another (default: epsilon; Q for --method paper)",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=Path,
+        help="the grasp file (default: MODEL's name with .grasp.yaml in the current folder)",
+    )
+    _add_common_options(parser)
+
+
+def _add_verify(commands: Any) -> None:
+    parser = _add_command(
+        commands, "verify", "Check what a grasp file claims; the file is not changed."
+    )
+    parser.add_argument("file", metavar="FILE", type=Path, help="a grasp file")
+    parser.add_argument(
+        "--require-model",
+        action="store_true",
+        help="fail when the model is missing (default: warn, and check the rest)",
+    )
+    parser.add_argument(
+        "--plant",
+        action="store_true",
+        help="have each grasp hold the model in a MultibodyPlant too: geometry, statics and "
+        "simulation",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="NEW",
+        type=Path,
+        help="with --plant: write a copy of FILE with the results",
+    )
+    _add_common_options(parser)
+
+
+def _add_explain(commands: Any) -> None:
+    parser = _add_command(
+        commands, "explain", "Say of every set of faces whether it holds, or why not."
+    )
+    _add_object_options(parser)
+    parser.add_argument(
+        "--set",
+        metavar="I,J,K",
+        type=_face_set,
+        help="only the sets of these two or three faces (default: all, counted)",
+    )
+    parser.add_argument(
+        "--figure",
+        metavar="OUT",
+        type=Path,
+        help="draw a chart of the counts or, with --set, what the paper's steps compute for that "
+        "set: .png, .pdf or .svg",
+    )
+    _add_common_options(parser)
+
+
+def _add_show(commands: Any) -> None:
+    parser = _add_command(
+        commands, "show", "Show in 3-D what a grasp file states, or what is planned now."
+    )
+    parser.add_argument("name", metavar="FILE|MODEL", help="a grasp file, or what Drake reads")
+    parser.add_argument(
+        "--html",
+        metavar="OUT.html",
+        type=Path,
+        help="write a page that opens offline (default: serve Meshcat until Ctrl-C)",
+    )
+    parser.add_argument("--body", metavar="NAME", help="the body of MODEL, where there are several")
+    parser.add_argument("--mu", type=_friction, help="friction for MODEL (default: as in plan)")
+    _add_package_path(parser)
+
+
+def _add_export(commands: Any) -> None:
+    parser = _add_command(
+        commands, "export", "Write the contact frames of a grasp file for Drake's pipelines."
+    )
+    parser.add_argument("file", metavar="FILE", type=Path, help="a grasp file")
+    parser.add_argument(
+        "--directives",
+        metavar="OUT.dmd.yaml",
+        type=Path,
+        required=True,
+        help="model directives that add contact and fingertip frames to the model, which must be "
+        "in the plant already",
+    )
+
+
+def _number(text: str, most: float) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 <= number <= most:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 to {most:g}")
+    return number
+
+
+def _friction(text: str) -> float:
+    number = _number(text, MAX_FRICTION)
+    if number == 0:
+        raise argparse.ArgumentTypeError("without friction there is no grasp")
+    return number
+
+
+def _length(text: str) -> float:
+    return _number(text, MAX_LENGTH)
+
+
+def _count(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")
+    return int(text)
+
+
+def _face_set(text: str) -> tuple[int, ...]:
+    indices = text.split(",")
+    if len(indices) not in (2, 3) or not all(i.isascii() and i.isdigit() for i in indices):
+        raise argparse.ArgumentTypeError(f"{text!r} is not I,J or I,J,K, indices of faces")
+    return tuple(sorted(int(i) for i in indices))

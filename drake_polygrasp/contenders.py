@@ -1,0 +1,238 @@
+"""Candidate grasps on their way to proof: on the true surface, with room for tips, certified."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_polygrasp.certification.certify import Proof, certify, prove_many
+from drake_polygrasp.grasp import (
+    Array,
+    CertifiedGrasp,
+    Grasp,
+    GraspObject,
+    GraspPlane,
+    Ints,
+    Kind,
+    Quality,
+    Verdict,
+    frozen,
+)
+from drake_polygrasp.planning.orientation import classify, friction_angle
+from drake_polygrasp.planning.planner import (
+    CODE,
+    EQUAL_QUALITY,
+    UNJUDGED,
+    Candidates,
+    Method,
+    SetPlan,
+    has_contacts,
+)
+from drake_polygrasp.planning.search import Triples, sets_of
+from drake_polygrasp.polyhedron import Regions
+from drake_polygrasp.seating import edge_distance, seat, tip_fits
+from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
+
+Codes = npt.NDArray[np.int8]
+KINDS: tuple[Kind, ...] = ("three_faces", "three_parallel_faces", "two_faces")
+
+_OUTCOME = {
+    Verdict.HOLDS: CODE["certified"],
+    Verdict.FAILS: CODE["not_force_closure"],
+    Verdict.UNDECIDED: CODE["undecided"],
+}
+_AHEAD = 2
+"""Candidates judged at once for each grasp still missing, ours."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contenders:
+    """Candidate grasps; `outcome` alone changes, as they are judged."""
+
+    object_: GraspObject
+    method: Method
+    regions: Regions
+    plan: SetPlan
+    candidates: Candidates
+    """With contacts moved to the true surface; q is NaN where the paper's stages give none."""
+    nhat_TB_B: Array
+    mu: Array
+    face: Ints
+    kind: Ints
+    """Position in KINDS."""
+    outcome: Codes
+    """Position in REASONS of each candidate; UNJUDGED where it may still hold."""
+    tip_radius: float
+
+    @property
+    def contacts(self) -> tuple[Array, Array, Array]:
+        """What the functions of `wrench` take first."""
+        return self.candidates.p_BC, self.nhat_TB_B, self.mu
+
+    def judge(self, rows: Ints) -> dict[int, Proof]:
+        """Whether tips fit and the exact certificate holds; the proofs of those that hold."""
+        p_BC, nhat_TB_B, mu = self.contacts
+        if self.tip_radius > 0:
+            fits = tip_fits(
+                self.object_.polyhedron,
+                p_BC[rows].reshape(-1, 3),
+                nhat_TB_B[rows].reshape(-1, 3),
+                self.tip_radius,
+            )
+            fits = np.logical_and.reduce(fits.reshape(-1, 3), axis=1)
+            self.outcome[rows[~fits]] = CODE["tip_blocked"]
+            rows = rows[fits]
+        proofs = prove_many(p_BC[rows], nhat_TB_B[rows], mu[rows])
+        self.outcome[rows] = [_OUTCOME[proof.verdict] for proof in proofs]
+        return {
+            int(row): proof
+            for row, proof in zip(rows, proofs, strict=True)
+            if proof.verdict is Verdict.HOLDS
+        }
+
+    def judge_best(self, rows: Ints, score: Array, wanted: int) -> dict[int, Proof]:
+        """Judges candidates of best score until `wanted` sets hold and the next score is less.
+
+        Scores nearer than EQUAL_QUALITY are a tie.
+        """
+        waiting = self.outcome[rows] == UNJUDGED
+        rows, score = rows[waiting], np.round(score[waiting] / EQUAL_QUALITY)
+        order = np.lexsort((rows, -score))
+        rows, score = rows[order], score[order]
+        proofs: dict[int, Proof] = {}
+        while len(rows):
+            held = {int(self.candidates.set_index[row]) for row in proofs}
+            missing = wanted - len(held)
+            if missing <= 0:
+                break
+            # Whole ties, so that which of them are judged does not depend on their order.
+            level = score[min(_AHEAD * missing, len(rows)) - 1]
+            count = int(np.searchsorted(-score, -level, side="right"))
+            proofs |= self.judge(rows[:count])
+            rows, score = rows[count:], score[count:]
+        return proofs
+
+    def certified(self, row: int) -> CertifiedGrasp:
+        """A proved candidate with its certificate."""
+        rows, object_ = self.candidates, self.object_
+        a, b, c = self.face[row].tolist()
+        grasp = Grasp(
+            frozen(rows.p_BC[row]),
+            frozen(self.nhat_TB_B[row]),
+            frozen(self.mu[row]),
+            KINDS[self.kind[row]],
+            (a, b, c),
+            GraspPlane(frozen(rows.nhat_B[row]), frozen(rows.p_BP[row])),
+            self._quality(row),
+        )
+        clearance = edge_distance(object_.polyhedron, grasp.p_BC, self.face[row])
+        certified = certify(
+            grasp,
+            mass=object_.mass,
+            p_BBcm=object_.p_BBcm,
+            rho=object_.rho,
+            edge_distance=float(clearance.min()),
+        )
+        assert isinstance(certified, CertifiedGrasp)  # it is proved already
+        return certified
+
+    def _quality(self, row: int) -> Quality | None:
+        q_1, q_2, q_3, q_4, q_5 = q = self.candidates.q[row].tolist()
+        if np.isnan(q).any():
+            return None
+        scale: Literal["paper", "object"] = "paper" if self.method == "paper" else "object"
+        return Quality(scale, float(self.candidates.Q[row]), (q_1, q_2, q_3, q_4, q_5))
+
+    def set_codes(self) -> Codes:
+        """What became of each set: the best of its candidates' outcomes."""
+        code = self.plan.code.copy()
+        standing = np.select(
+            [self.outcome == CODE["certified"], self.outcome == UNJUDGED], [0, 1], 2
+        )
+        # A set that no stage of the paper lets pass keeps its reason unless a grasp of it holds.
+        speaks = (standing == 0) | ~np.isnan(self.candidates.q).any(axis=1)
+        # Written in this order, the best and then the first candidate of a set has the last word.
+        order = np.lexsort((-np.arange(len(standing)), -standing))
+        order = order[speaks[order]]
+        code[self.candidates.set_index[order]] = self.outcome[order]
+        return code
+
+
+def contenders(
+    object_: GraspObject,
+    method: Method,
+    regions: Regions,
+    plan: SetPlan,
+    triples: Triples | None,
+    tip_radius: float,
+) -> Contenders:
+    """All that was constructed, and triples of the plan's sets, as far as the closed form."""
+    rows = plan.candidates
+    if triples is not None:
+        rows = _joined(rows, _candidates_of(regions, plan, triples))
+    face, mu = regions.face[rows.region], regions.mu[rows.region]
+    built = has_contacts(rows.p_BC)
+    outcome = np.where(built, UNJUDGED, plan.code[rows.set_index]).astype(np.int8)
+    p_BC, nhat_TB_B = rows.p_BC.copy(), regions.nhat_TB_B[rows.region]
+    seats = seat(object_.polyhedron, p_BC[built].reshape(-1, 3), face[built].ravel())
+    p_BC[built] = seats.p_BC.reshape(-1, 3, 3)
+    nhat_TB_B[built] = seats.nhat_TB_B.reshape(-1, 3, 3)
+    on_surface = np.zeros(len(built), dtype=bool)
+    on_surface[built] = seats.ok.reshape(-1, 3).all(axis=1)
+    outcome[built & ~on_surface] = CODE["off_face"]
+    alive = np.flatnonzero(outcome == UNJUDGED)
+    outcome[alive[~non_collinear(p_BC[alive])]] = CODE["collinear"]
+    alive = np.flatnonzero(outcome == UNJUDGED)
+    holds = force_closure(p_BC[alive], nhat_TB_B[alive], mu[alive])
+    outcome[alive[~holds]] = CODE["not_force_closure"]
+    distinct = 1 + (np.diff(np.sort(face, axis=1), axis=1) > 0).sum(axis=1)
+    kind = np.where(distinct == 2, 2, rows.is_parallel)
+    seated = Candidates(
+        rows.set_index, rows.region, rows.is_parallel, p_BC, rows.nhat_B, rows.p_BP, rows.q
+    )
+    return Contenders(
+        object_, method, regions, plan, seated, nhat_TB_B, mu, face, kind, outcome, tip_radius
+    )
+
+
+def _joined(first: Candidates, second: Candidates) -> Candidates:
+    return Candidates(
+        *(
+            np.concatenate([getattr(first, column.name), getattr(second, column.name)])
+            for column in fields(Candidates)
+        )
+    )
+
+
+def _candidates_of(regions: Regions, plan: SetPlan, triples: Triples) -> Candidates:
+    """Triples as candidates, contacts in the paper's order: first A_1, which the others oppose."""
+    nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
+    parallel = classify(nhat, friction_angle(mu))
+    is_parallel = np.zeros(len(mu), dtype=bool)
+    is_parallel[parallel.rows] = True
+    first = np.zeros(len(mu), dtype=np.int64)
+    first[parallel.rows] = parallel.opposing
+    turned = (first[:, None] + np.arange(3)) % 3
+    region = np.take_along_axis(triples.region, turned, axis=1)
+    p_BC = np.take_along_axis(triples.p_BC, turned[..., None], axis=1)
+
+    index = rows_of(plan.sets, sets_of(triples.region))
+    q = np.full((len(index), 5), np.nan)
+    sets, row = np.unique(plan.candidates.set_index, return_index=True)
+    position = np.minimum(np.searchsorted(sets, index), max(len(sets) - 1, 0))
+    if len(sets):
+        has_quality = sets[position] == index
+        q[has_quality] = plan.candidates.q[row[position[has_quality]]]
+    return Candidates(index, region, is_parallel, p_BC, plane_normal(p_BC), p_BC.mean(axis=1), q)
+
+
+def rows_of(sets: Ints, wanted: Ints) -> Ints:
+    """Where each wanted set is among the sets, which hold it."""
+    weights = (int(sets.max(initial=0)) + 2) ** np.arange(3)[::-1]
+    keys = (sets + 1) @ weights
+    order = np.argsort(keys, kind="stable")
+    rows: Ints = order[np.searchsorted(keys[order], (wanted + 1) @ weights)]
+    return rows

@@ -1,0 +1,179 @@
+"""The surface under patches: facets and curved solids.
+
+A patch is planned on as a plane; what fingers touch is a facet of it, or the curved solid that it
+stands for.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.polyhedron import ON_SURFACE, SAME_NORMAL, Face, Polyhedron
+from drake_polygrasp.primitives import Primitive
+from drake_polygrasp.triangles import pairs_closer_than, unit_normals, winding_numbers
+
+_STEEPEST_ON_PATCH = np.cos(0.6)
+"""Ours, near 35 degrees: a facet that leans more is noise and no place for a finger."""
+_SLIVER = 2e-5
+"""Times L, ours: the inradius below which a facet is a sliver and its normal noise."""
+_OFF_EDGE = 3e-6
+"""Times L, ours: how far contacts on facets keep from their edges, for all checks to agree."""
+_JUST_OUTSIDE = 1e-5
+"""Times L, ours: where to look whether a contact is covered."""
+_LEVEL = 1e-3
+"""Times the radius of curvature, ours: over this distance a surface turns by a milliradian, and
+is flat to whoever asks how far a contact may move."""
+
+
+def is_covered(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Bools:
+    """Whether the point just outside each contact is inside a part of the body.
+
+    Of contacts p_BC [m] on the surface with inward normals, both (M, 3); shape (M,).
+    """
+    outside = p_BC - _JUST_OUTSIDE * polyhedron.diameter * nhat_TB_B
+    triangles = polyhedron.triangles_B
+    if polyhedron.closed is not None:
+        triangles = triangles[polyhedron.closed]
+    covered = winding_numbers(outside, triangles) > 0
+    for solid in polyhedron.primitives:
+        covered |= solid.distance(outside) < 0
+    return covered
+
+
+class Facets(NamedTuple):
+    """What contacts on patches ask of all triangles again and again."""
+
+    nhat: Array
+    """Outward normals, shape (T, 3)."""
+    mu: Array
+    """Of the face or patch of each, NaN where it has none, shape (T,)."""
+    wide: Bools
+    """Whether each is no sliver, shape (T,)."""
+
+
+def facets_of(polyhedron: Polyhedron) -> Facets:
+    """Of all triangles of a body."""
+    nhat, _ = unit_normals(polyhedron.triangles_B)
+    mu = np.append([face.mu for face in polyhedron.faces], np.nan)[polyhedron.triangle_face]
+    return Facets(nhat, mu, _inradius(polyhedron.triangles_B) >= _SLIVER * polyhedron.diameter)
+
+
+def seat_on_patch(
+    polyhedron: Polyhedron, facets: Facets, face: Face, p_BC: Array
+) -> tuple[Array, Array, Bools]:
+    """Contacts p_BC [m], shape (M, 3), on the plane of a patch, moved to the surface under it.
+
+    The points and inward normals there, and whether there is a fit facet, shape (M,). Contacts
+    keep off the edges of facets, where the normal is anyone's.
+    """
+    if face.primitive is not None:
+        seated, outward = face.primitive.project(p_BC)
+        return seated, -outward, np.ones(len(p_BC), dtype=bool)
+    L, Fz, nhat = polyhedron.diameter, face.R_BF[:, 2], facets.nhat
+    near = facets.wide & (facets.mu == face.mu) & (nhat @ Fz >= _STEEPEST_ON_PATCH)
+    candidates = np.flatnonzero(near)
+    height = (polyhedron.triangles_B[candidates] - face.p_BF) @ Fz
+    candidates = candidates[np.abs(height).max(axis=1, initial=0) <= 2 * face.reach]
+    triangles = polyhedron.triangles_B[candidates]
+    tree = shapely.STRtree(shapely.polygons((triangles - face.p_BF) @ face.R_BF[:, :2]))
+    points = shapely.points((p_BC - face.p_BF) @ face.R_BF[:, :2])
+    i, t = tree.query(points, predicate="intersects")
+    t = candidates[t]
+    rise = np.einsum("ij,ij->i", polyhedron.triangles_B[t, 0] - p_BC[i], nhat[t]) / (nhat[t] @ Fz)
+    order = np.lexsort((t, -rise, i))
+    i, first = np.unique(i[order], return_index=True)
+    t, rise = t[order][first], rise[order][first]
+    seated, inward, ok = p_BC.copy(), np.tile(-Fz, (len(p_BC), 1)), np.zeros(len(p_BC), dtype=bool)
+    seated[i] = _off_edges(p_BC[i] + rise[:, None] * Fz, polyhedron.triangles_B[t], L)
+    inward[i], ok[i] = -nhat[t], True
+    return seated, inward, ok
+
+
+def _inradius(triangles: Array) -> Array:
+    _, area = unit_normals(triangles)
+    perimeter = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).sum(axis=1)
+    return np.asarray(2 * area / np.where(perimeter > 0, perimeter, 1))
+
+
+def _off_edges(points: Array, triangles: Array, L: float) -> Array:
+    """Points (M, 3) of triangles (M, 3, 3), moved toward the incentre if they are on an edge."""
+    side = np.linalg.norm(np.roll(triangles, 1, axis=1) - np.roll(triangles, -1, axis=1), axis=2)
+    incenter = np.einsum("ni,nij->nj", side, triangles) / side.sum(axis=1)[:, None]
+    radius, distance = _inradius(triangles), _side_distance(points, triangles)
+    step = (_OFF_EDGE * L - distance) / np.maximum(radius - distance, 1e-300)
+    return np.asarray(points + np.clip(step, 0, 1)[:, None] * (incenter - points))
+
+
+def _side_distance(points: Array, triangles: Array) -> Array:
+    """Distance of points (M, 3) from the sides of the triangles (M, 3, 3) that hold them, (M,)."""
+    side = np.roll(triangles, -1, axis=1) - triangles
+    arm = np.cross(points[:, None] - triangles, side)
+    length = np.linalg.norm(side, axis=2)
+    return np.asarray((np.linalg.norm(arm, axis=2) / length).min(axis=1))
+
+
+def touch_patch(
+    polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, triangle: Ints
+) -> tuple[Ints, Array, Array]:
+    """The patches that contacts [m] with inward normals, both (M, 3), are on: face (M,).
+
+    `triangle` (M,) is the triangle that each is on, -1 for none. And the surface's own points and
+    inward normals; -1 and the contacts' own where the surface is covered or of no patch.
+    """
+    is_facet = np.array([face.reach > 0 and face.primitive is None for face in polyhedron.faces])
+    face = np.where(triangle >= 0, polyhedron.triangle_face[triangle], -1)
+    face[~np.append(is_facet, False)[face]] = -1
+    nhat, _ = unit_normals(polyhedron.triangles_B)
+    on = np.flatnonzero(face >= 0)
+    p, n = p_BC.copy(), nhat_TB_B.copy()
+    n[on] = -nhat[triangle[on]]
+    rise = np.einsum("ij,ij->i", polyhedron.triangles_B[triangle[on], 0] - p_BC[on], n[on])
+    p[on] += rise[:, None] * n[on]
+    for solid in polyhedron.primitives:
+        surface, outward = solid.project(p_BC)
+        along = np.linalg.norm(outward + nhat_TB_B, axis=1) <= SAME_NORMAL
+        rows = np.flatnonzero(solid.on_curve(p_BC, ON_SURFACE * polyhedron.diameter) & along)
+        face[rows], p[rows], n[rows] = (
+            _nearest_facet(polyhedron, solid, p_BC[rows]),
+            surface[rows],
+            -outward[rows],
+        )
+    lost = (face < 0) | is_covered(polyhedron, p, n)
+    face[lost], p[lost], n[lost] = -1, p_BC[lost], nhat_TB_B[lost]
+    return face, p, n
+
+
+def _nearest_facet(polyhedron: Polyhedron, solid: Primitive, p_BC: Array) -> Ints:
+    """The nearest of the patches of a curved solid to points p_BC (M, 3) of it, (M,)."""
+    found, least = np.full(len(p_BC), -1), np.full(len(p_BC), np.inf)
+    for k, face in enumerate(polyhedron.faces):
+        if face.primitive is solid:
+            p_FC = (p_BC - face.p_BF) @ face.R_BF
+            beside = shapely.distance(face.polygon_F, shapely.points(p_FC[:, :2]))
+            distance = np.hypot(beside, p_FC[:, 2])
+            nearer = distance < least
+            found[nearer], least[nearer] = k, distance[nearer]
+    return found
+
+
+def level_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
+    """How far from contacts p_BC [m], shape (M, 3), on patches `face` the surface is flat [m].
+
+    To the sides of the facet; on curved solids, as far as the normal turns by a milliradian; (M,).
+    """
+    solids = [polyhedron.faces[k].primitive for k in face]
+    distance = np.array([0.0 if solid is None else _LEVEL * solid.bend for solid in solids])
+    rows = np.flatnonzero([solid is None for solid in solids])
+    if not len(rows):
+        return distance
+    nhat, _ = unit_normals(polyhedron.triangles_B)
+    Fz = np.array([polyhedron.faces[k].R_BF[:, 2] for k in face])
+    i, t, _ = pairs_closer_than(p_BC, polyhedron.triangles_B, ON_SURFACE * polyhedron.diameter)
+    on = np.isin(i, rows) & (np.einsum("ij,ij->i", nhat[t], Fz[i]) > 0)
+    i, t = i[on], t[on]
+    np.maximum.at(distance, i, _side_distance(p_BC[i], polyhedron.triangles_B[t]))
+    return distance

@@ -1,0 +1,59 @@
+"""The support function of W as a function of where contacts lie on their faces.
+
+W is the hull of three parts, one a contact, so h(w) = max_i h_i(w), and h_i depends on contact i
+alone. Where contacts vary and directions w do not, h_i is computed once for each place, and every
+combination of places costs a maximum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.polyhedron import Regions
+
+
+@dataclass(frozen=True, eq=False)
+class FaceTwists:
+    """Directions w read as twists (v, rho omega), each expressed in the frame of a face F."""
+
+    v_F: Array
+    """Velocity of the body at Fo, shape (..., K, 3)."""
+    w_F: Array
+    """Angular velocity [1/m], shape (..., K, 3)."""
+    mu: Array
+    """Of each face, shape (...)."""
+
+    def support(self, p_FC: Array) -> Array:
+        """h_i(w) of contacts at points of the faces [m]: (..., C, 2) to (..., C, K)."""
+        x, y = p_FC[..., 0, None], p_FC[..., 1, None]
+        v, w = self.v_F[..., None, :, :], self.w_F[..., None, :, :]
+        g_x, g_y = v[..., 0] - w[..., 2] * y, v[..., 1] + w[..., 2] * x
+        g_z = v[..., 2] + w[..., 0] * y - w[..., 1] * x
+        # The inward normal is -Fz.
+        h: Array = self.mu[..., None, None] * np.sqrt(g_x * g_x + g_y * g_y) - g_z
+        return h
+
+
+def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: float) -> FaceTwists:
+    """Directions w, shape (..., K, 6), on regions, shape (...); the shapes broadcast."""
+    R_BF = regions.R_BF[region]
+    v, omega = w[..., :3], w[..., 3:]
+    v = v + np.cross(omega, (regions.p_BF[region] - p_BBcm)[..., None, :] / rho)
+    return FaceTwists(v @ R_BF, omega @ R_BF / rho, regions.mu[region])
+
+
+def points_on(regions: Regions, region: Ints, p_FC: Array) -> Array:
+    """p_BC [m] of points of regions in their faces' frames, (..., 2) to (..., 3)."""
+    axes = regions.R_BF[region][..., :2]
+    p_BC: Array = regions.p_BF[region] + (axes @ p_FC[..., None])[..., 0]
+    return p_BC
+
+
+def points_in_faces(regions: Regions, region: Ints, p_BC: Array) -> Array:
+    """Coordinates in their faces' frames of points of regions [m], (..., 3) to (..., 2)."""
+    axes = np.swapaxes(regions.R_BF[region][..., :2], -1, -2)
+    p_FC: Array = (axes @ (p_BC - regions.p_BF[region])[..., None])[..., 0]
+    return p_FC

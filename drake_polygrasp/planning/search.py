@@ -1,0 +1,238 @@
+"""Beyond the paper: the best triples of sample points, however many triples there are.
+
+For directions w that some grasps resist least, a triple of points is no better than
+min_w max_i h_i(w) (see face_support.py), so a triple beats a threshold only if each w is resisted
+beyond it by one of its three points. That is a set cover: a bit for each point and direction, and
+a triple passes when the bits of its points, joined, are all ones. A million triples take some ten
+milliseconds. Directions come from grasps known before, then from the best triples themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.planning.face_support import face_twists, points_on
+from drake_polygrasp.polyhedron import Regions
+from drake_polygrasp.wrench import critical_directions, force_closure
+
+POINTS = 100
+"""Sample points on objects of few regions, ours."""
+MOST_POINTS = 1200
+"""Ours: 3e8 triples, some seconds; of more regions the largest are sampled."""
+PASSES = 2
+"""Ours: the second pass uses the directions that the first one's winners resist least."""
+SOURCES = 24
+"""Grasps whose weakest directions are taken in each pass, ours."""
+KEPT = 400
+"""Triples kept in each pass, ours."""
+DRAWN = 3000
+"""Triples drawn where no grasp is known before, ours."""
+_BLOCK = 8 * KEPT
+"""Triples collected before the threshold is raised."""
+_ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
+
+
+@dataclass(frozen=True, eq=False)
+class Triples:
+    """Three contacts a row."""
+
+    region: Ints
+    """Shape (M, 3)."""
+    p_BC: Array
+    """[m], shape (M, 3, 3)."""
+
+    def take(self, rows: Ints) -> Triples:
+        """The same for some of the rows."""
+        return Triples(self.region[rows], self.p_BC[rows])
+
+
+def joined(first: Triples, second: Triples) -> Triples:
+    """All rows of both."""
+    return Triples(
+        np.concatenate([first.region, second.region]), np.concatenate([first.p_BC, second.p_BC])
+    )
+
+
+def best_triples(
+    regions: Regions, known: Triples, p_BBcm: Array, rho: float, num_points: int = POINTS
+) -> Triples:
+    """The triples of sample points that the weakest directions of grasps bound least.
+
+    Args:
+        regions: where contacts may be; polygons may be empty or have several parts.
+        known: some grasps that hold, best first; where there is none, random ones are drawn.
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        num_points: how many points to sample, at least one in each region.
+
+    Returns:
+        Up to `PASSES` times `KEPT` triples that are force closure, those of the last pass first.
+    """
+    region, p_FC = sample_points(regions, num_points)
+    if len(region) < 3:
+        return known.take(np.arange(0))
+    p_BC = points_on(regions, region, p_FC)
+    if not len(known.region):
+        known = _drawn(regions, region, p_BC)
+    w, found = np.empty((0, 6)), known.take(np.arange(0))
+    sources = known.take(np.arange(min(SOURCES, len(known.region))))
+    for _ in range(PASSES):
+        w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
+        twists = face_twists(regions, region, w, p_BBcm, rho)
+        rows = cover(twists.support(p_FC[:, None])[:, 0], KEPT)
+        triples = Triples(region[rows], p_BC[rows])
+        holding = _holding(regions, triples)
+        holds, slips = triples.take(holding), triples.take(np.setdiff1d(np.arange(len(rows)), holding))
+        found = joined(holds, found)
+        sources = joined(_first_of_sets(holds, SOURCES), _first_of_sets(slips, SOURCES))
+    return found
+
+
+def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
+    """A point in the middle of each region and others on rings, equally far apart.
+
+    The best contacts are often at a region's corners, which the outermost ring includes.
+
+    Returns:
+        Region, shape (N,), and coordinates in the face's frame [m], shape (N, 2).
+    """
+    filled = np.flatnonzero(~shapely.is_empty(regions.polygon_F))
+    largest = np.argsort(-regions.area[filled], kind="stable")[:MOST_POINTS]
+    row = filled[np.sort(largest)]
+    level = regions.polygon_F[row]
+    spacing = _spacing(level, num)
+    middle = shapely.centroid(level)
+    inside = shapely.intersects(level, middle)
+    middle = np.where(inside, middle, shapely.point_on_surface(level))
+    found = [(row, shapely.get_coordinates(middle))]
+    wide = shapely.area(level) > (0.7 * spacing) ** 2
+    while wide.any():
+        level, row = level[wide], row[wide]
+        rings, owner = _rings(shapely.segmentize(level, spacing))
+        found.append((row[owner], rings))
+        level = shapely.buffer(level, -spacing, join_style="mitre")
+        wide = ~shapely.is_empty(level)
+    region, p_FC = zip(*found, strict=True)
+    return np.concatenate(region), np.concatenate(p_FC)
+
+
+def _spacing(polygons: npt.NDArray[np.object_], num: int) -> float:
+    """The distance between points that gives about `num` of them [m]."""
+    area, length = shapely.area(polygons), shapely.length(polygons)
+    low, high = 1e-4 * np.sqrt(area.sum()), 10 * np.sqrt(area.sum())
+    for _ in range(40):
+        middle = np.sqrt(low * high)
+        wide = area > (0.7 * middle) ** 2
+        count = len(area) + np.where(wide, length / middle + area / middle**2, 0.0).sum()
+        low, high = (middle, high) if count > num else (low, middle)
+    return float(high)
+
+
+def _rings(polygons: npt.NDArray[np.object_]) -> tuple[Array, Ints]:
+    """The vertices of all rings, each once, shape (V, 2), and whose they are, shape (V,)."""
+    parts, part_owner = shapely.get_parts(polygons, return_index=True)
+    rings, ring_part = shapely.get_rings(parts, return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    repeated = np.append(ring[1:] != ring[:-1], True)
+    return points[~repeated], part_owner[ring_part[ring[~repeated]]]
+
+
+def _weakest(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
+    nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
+    w, _ = critical_directions(triples.p_BC, nhat, mu, p_BBcm, rho)
+    return w.reshape(-1, 6)
+
+
+def _holding(regions: Regions, triples: Triples) -> Ints:
+    nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
+    return np.flatnonzero(force_closure(triples.p_BC, nhat, mu))
+
+
+def _drawn(regions: Regions, region: Ints, p_BC: Array) -> Triples:
+    rows = np.random.default_rng(0).integers(0, len(region), (DRAWN, 3))
+    triples = Triples(region[rows], p_BC[rows])
+    return triples.take(_holding(regions, triples))
+
+
+def first_of_each_set(region: Ints) -> Ints:
+    """The first row of each set of regions, ascending, (M, 3) to (K,)."""
+    _, first = np.unique(sets_of(region), axis=0, return_index=True)
+    return np.sort(first)
+
+
+def sets_of(region: Ints) -> Ints:
+    """The regions of each row once, ascending; -1 for a pair's third, (M, 3) to (M, 3)."""
+    sets = np.sort(region, axis=1)
+    low, high = sets[:, 0] == sets[:, 1], sets[:, 1] == sets[:, 2]
+    sets[low, 1] = sets[low, 2]
+    sets[low | high, 2] = -1
+    return sets
+
+
+def _first_of_sets(triples: Triples, num: int) -> Triples:
+    return triples.take(first_of_each_set(triples.region)[:num])
+
+
+def cover(h: Array, num: int) -> Ints:
+    """The `num` triples i < j < k of greatest min_w max(h_i, h_j, h_k), greatest first.
+
+    Args:
+        h: h_i(w) of N points and K directions, shape (N, K).
+        num: how many triples; ties at the end may be left out.
+
+    Returns:
+        Shape (at most num, 3).
+    """
+    N = len(h)
+    j, k = np.triu_indices(N, 1)
+    first = np.searchsorted(j, np.arange(N), side="right")
+    threshold = _estimate(h, num)
+    bits = _bits(h, threshold)
+    pairs = bits[:, j] | bits[:, k]
+    best, height = np.empty((0, 3), int), np.empty(0)
+    fresh: list[Ints] = []
+    for i in range(N - 2):
+        rows = first[i] + np.flatnonzero((pairs[0, first[i] :] | bits[0, i]) == _ALL)
+        for word in range(1, len(bits)):
+            rows = rows[(pairs[word, rows] | bits[word, i]) == _ALL]
+        fresh.append(np.column_stack([np.full(len(rows), i), j[rows], k[rows]]))
+        if sum(map(len, fresh)) > _BLOCK or i == N - 3:
+            best, height = _greatest(h, np.concatenate([best, *fresh]), num)
+            fresh = []
+            if len(height) == num and height[-1] > threshold:
+                threshold = height[-1]
+                bits = _bits(h, threshold)
+                pairs = bits[:, j] | bits[:, k]
+    return best
+
+
+def _estimate(h: Array, num: int) -> float:
+    """A threshold that some more than `num` triples pass, from a sample of them."""
+    N = len(h)
+    sample = np.random.default_rng(0).integers(0, N, (2000, 3))
+    height = h[sample].max(axis=1).min(axis=1)
+    share = min(1.0, 20 * num / N**3)
+    return float(np.quantile(height, 1.0 - max(share, 1e-3)))
+
+
+def _bits(h: Array, threshold: float) -> npt.NDArray[np.uint64]:
+    """Whether h exceeds the threshold, 64 directions a word, most selective first, (words, N)."""
+    above = h > threshold
+    above = above[:, np.argsort(above.sum(axis=0), kind="stable")]
+    above = np.pad(above, ((0, 0), (0, -above.shape[1] % 64)), constant_values=True)
+    words = np.ascontiguousarray(np.packbits(above, axis=1)).view(np.uint64)
+    return np.ascontiguousarray(words.T)
+
+
+def _greatest(h: Array, triples: Ints, num: int) -> tuple[Ints, Array]:
+    height = np.empty(len(triples))
+    for rows in np.array_split(np.arange(len(triples)), len(triples) // 4096 + 1):
+        i, j, k = triples[rows].T
+        height[rows] = np.maximum(np.maximum(h[i], h[j]), h[k]).min(axis=1)
+    order = np.argsort(-height, kind="stable")[:num]
+    return triples[order], height[order]

@@ -1,0 +1,78 @@
+"""Beyond the paper: the parts of regions where fingertips have room, before contacts are sought.
+
+Contacts that move freely end where faces are longest, often in inner corners of the object, where
+no fingertip fits. Whether one fits at last is decided on the true surface (seating.py); here
+regions lose what is near to anything that rises out of their face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from drake_polygrasp.grasp import Array, Bools, frozen
+from drake_polygrasp.planning.planar import Shapes
+from drake_polygrasp.polyhedron import FLATNESS, Polyhedron, Regions, is_convex
+
+_FLAT = 4 * FLATNESS
+"""Times L: what rises less belongs to the face."""
+_QUARTER = 4
+"""Segments of a quarter circle; the polygon is drawn around the circle."""
+
+
+def with_tip_room(regions: Regions, polyhedron: Polyhedron, tip_radius: float) -> Regions:
+    """The regions with polygons, possibly empty or of several parts, that leave room for a tip.
+
+    A sphere of `tip_radius` [m] that touches a remaining point from outside penetrates nothing
+    that rises from the face; a little more than necessary is removed beside slanted walls.
+    """
+    if tip_radius <= 0 or is_convex(polyhedron):
+        return regions
+    low = _FLAT * polyhedron.diameter
+    polygons = regions.polygon_F.copy()
+    for k, polygon in enumerate(polygons):
+        triangles_F = (polyhedron.triangles_B - regions.p_BF[k]) @ regions.R_BF[k]
+        rising = _near(triangles_F, polygon, low, tip_radius)
+        if len(rising):
+            polygons[k] = polygon - _blocked(rising, low, tip_radius)
+    return replace(regions, polygon_F=frozen(polygons, object), area=frozen(shapely.area(polygons)))
+
+
+def _near(triangles_F: Array, polygon: shapely.Polygon, low: float, tip_radius: float) -> Array:
+    """The triangles that a tip on the polygon might meet, shape (N, 3, 3)."""
+    least, most = triangles_F.min(axis=1), triangles_F.max(axis=1)
+    x_0, y_0, x_1, y_1 = polygon.bounds
+    near = (most[:, 2] > low) & (least[:, 2] < 2 * tip_radius)
+    near &= (most[:, :2] > np.array([x_0, y_0]) - tip_radius).all(axis=1)
+    near &= (least[:, :2] < np.array([x_1, y_1]) + tip_radius).all(axis=1)
+    found: Array = triangles_F[near]
+    return found
+
+
+def _blocked(triangles_F: Array, low: float, tip_radius: float) -> shapely.Geometry:
+    """What lies within `tip_radius` of the triangles' parts at the height of a tip, in the face."""
+    tail, head = triangles_F, np.roll(triangles_F, -1, axis=1)
+    rise = head[..., 2] - tail[..., 2]
+    rise = np.where(rise == 0, np.finfo(float).tiny, rise)
+    ends = (np.array([low, 2 * tip_radius]) - tail[..., 2:]) / rise[..., None]
+    start, end = np.clip(np.sort(ends, axis=-1), 0.0, 1.0).transpose(2, 0, 1)
+    height = tail[..., 2] + np.stack([start, end]) * rise
+    slack = 1e-9 * tip_radius
+    within = (height >= low - slack) & (height <= 2 * tip_radius + slack)
+    inside = np.logical_and.reduce(within, axis=0)
+    span = (head - tail)[..., :2]
+    points = tail[..., :2] + np.stack([start, end])[..., None] * span
+    parts = _hulls(np.moveaxis(points, 0, 2), inside)
+    around = tip_radius / np.cos(np.pi / (4 * _QUARTER))
+    return shapely.union_all(shapely.buffer(parts, around, quad_segs=_QUARTER))
+
+
+def _hulls(points: Array, used: Bools) -> Shapes:
+    """Hulls of the used edges' ends of each triangle: points (N, 3, 2, 2), used (N, 3)."""
+    owner, _ = np.nonzero(used)
+    flat = points[used].reshape(-1, 2)
+    _, owner = np.unique(np.repeat(owner, 2), return_inverse=True)
+    hulls: Shapes = shapely.convex_hull(shapely.multipoints(flat, indices=owner))
+    return hulls

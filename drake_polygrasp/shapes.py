@@ -1,0 +1,87 @@
+"""Drake's collision shapes as triangles and curved solids in the body frame B."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.geometry import (
+    AddRigidHydroelasticProperties,
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    Ellipsoid,
+    GeometryInstance,
+    Mesh,
+    ProximityProperties,
+    SceneGraph,
+    Shape,
+    Sphere,
+)
+from pydrake.math import RigidTransform
+
+from drake_polygrasp.grasp import Array, frozen
+from drake_polygrasp.polyhedron import FLATNESS
+from drake_polygrasp.primitives import Primitive
+from drake_polygrasp.surface import Part, curved_part
+from drake_polygrasp.triangles import unit_normals
+
+_AT_ONCE = 1 << 22
+"""Pairs of vertex and triangle, ours: temporaries of some ten megabytes."""
+
+
+def part_of(shape: Shape, X_BG: RigidTransform, mu: float) -> Part | None:
+    """The shape as a part of a body; None for one that fingers cannot hold."""
+    solid = _curved_solid(shape, X_BG)
+    if solid is not None:
+        return curved_part(solid, mu)
+    if isinstance(shape, Box | Convex | Mesh):
+        return Part(_triangles_B(shape, X_BG), mu)
+    return None
+
+
+def is_hull(shape: Shape) -> bool:
+    """Whether a shape is its own convex hull."""
+    if not isinstance(shape, Mesh):
+        return True
+    triangles = _triangles_B(shape, RigidTransform())
+    vertices = np.unique(triangles.reshape(-1, 3), axis=0)
+    reach = FLATNESS * np.ptp(vertices, axis=0).max()
+    nhat, _ = unit_normals(triangles)
+    level = np.einsum("ti,ti->t", triangles[:, 0], nhat) + reach
+    step = max(1, _AT_ONCE // len(vertices))
+    return all(
+        bool((vertices @ nhat[k : k + step].T <= level[k : k + step]).all())
+        for k in range(0, len(nhat), step)
+    )
+
+
+def _curved_solid(shape: Shape, X_BG: RigidTransform) -> Primitive | None:
+    R_BG, p_BG = frozen(X_BG.rotation().matrix()), frozen(X_BG.translation())
+    match shape:
+        case Sphere():
+            return Primitive("ellipsoid", R_BG, p_BG, frozen([shape.radius()] * 3))
+        case Ellipsoid():
+            return Primitive("ellipsoid", R_BG, p_BG, frozen([shape.a(), shape.b(), shape.c()]))
+        case Cylinder() | Capsule():
+            radii = frozen([shape.radius(), shape.radius(), shape.length() / 2])
+            if isinstance(shape, Cylinder):
+                return Primitive("cylinder", R_BG, p_BG, radii)
+            return Primitive("capsule", R_BG, p_BG, radii)
+    return None
+
+
+def _triangles_B(shape: Shape, X_BG: RigidTransform) -> Array:
+    """The shape's surface [m], shape (T, 3, 3): what rigid hydroelastic contact makes of it.
+
+    Point contact would use the convex hull of a Mesh and fill its notches.
+    """
+    scene_graph = SceneGraph()
+    instance = GeometryInstance(X_BG, shape, "surface")
+    properties = ProximityProperties()
+    AddRigidHydroelasticProperties(properties)
+    instance.set_proximity_properties(properties)
+    geometry = scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("source"), instance)
+    mesh = scene_graph.model_inspector().maybe_get_hydroelastic_mesh(geometry)
+    index = [[face.vertex(k) for k in range(3)] for face in mesh.triangles()]
+    p_BV = X_BG.multiply(np.array(mesh.vertices()).T).T
+    return np.asarray(p_BV[np.array(index)])

@@ -1,0 +1,65 @@
+"""A grasp in a still 3-D picture, for notebooks and print, in the colours of the Meshcat scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from mpl_toolkits.mplot3d.axes3d import Axes3D
+
+from drake_polygrasp.grasp import Array, GraspObject
+from drake_polygrasp.polyhedron import surface_vertices
+from drake_polygrasp.visualization.meshes import face_edges, face_triangles, surface_triangles
+from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
+from drake_polygrasp.visualization.scene import FORCE_SCALE, AnyGrasp, best_view
+from drake_polygrasp.wrench import edge_forces
+
+
+def draw_sketch(ax: Axes3D, object_: GraspObject, grasp: AnyGrasp | None = None) -> None:
+    """Draws an object and, if there is one, a grasp of it: contacts, forces and their triangle.
+
+    Without a grasp every face has its number, else those that are touched.
+
+    Args:
+        ax: axes with `projection="3d"`; lengths become mm.
+        object_: the object.
+        grasp: what to draw on it.
+    """
+    mm = 1e3
+    faces = object_.polyhedron.faces
+    tints: dict[int, str] = {}
+    if grasp is not None:
+        for index, colour in zip(grasp.grasp.faces, CONTACTS, strict=True):
+            tints.setdefault(index, colour)
+    for colour, triangles, opacity in (
+        (OBJECT, surface_triangles(object_.polyhedron), 0.2),
+        *((tint, face_triangles(faces[k]), 0.45) for k, tint in tints.items()),
+    ):
+        ax.add_collection3d(Poly3DCollection(mm * triangles, facecolors=(*rgb(colour), opacity)))
+    flat = [face for face in faces if face.reach == 0]
+    ax.add_collection3d(Line3DCollection(mm * face_edges(flat), colors=INK, linewidths=0.7))
+    for k in tints or (k for k, face in enumerate(faces) if face.reach == 0):
+        x, y = shapely.get_coordinates(shapely.point_on_surface(faces[k].polygon_F))[0]
+        p_BN = faces[k].p_BF + faces[k].R_BF[:, :2] @ (x, y)
+        ax.text(*mm * p_BN, str(k), color=INK, fontsize=8, ha="center", va="center")
+    ax.plot(*mm * object_.p_BBcm[:, None], "o", color=INK, markersize=3)
+    if grasp is not None:
+        p_BC = grasp.grasp.p_BC
+        f_Bc_B = edge_forces(p_BC[None], grasp.certificate.internal_force[None])[0]
+        ax.add_collection3d(
+            Poly3DCollection(mm * p_BC[None], facecolors=(*rgb(PLANE), 0.4), edgecolors=PLANE)
+        )
+        scale = mm * FORCE_SCALE * object_.polyhedron.diameter
+        for p_BCi, f_B, colour in zip(p_BC, f_Bc_B, CONTACTS, strict=True):
+            ax.plot(*mm * p_BCi[:, None], "o", color=colour, markersize=6)
+            ax.quiver(*mm * p_BCi, *scale * f_B, color=colour, linewidth=2)
+    _frame(ax, mm * surface_vertices(object_.polyhedron))
+    x, y, z = best_view(grasp)
+    ax.view_init(elev=np.degrees(np.arcsin(z)), azim=np.degrees(np.arctan2(y, x)))
+
+
+def _frame(ax: Axes3D, vertices: Array) -> None:
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set_box_aspect(high - low)
+    ax.set_axis_off()

@@ -1,0 +1,47 @@
+"""A taste of the fuzz: `python tests/fuzz.py` runs thousands more."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from fuzz import COMMANDS, FILES, TIME_LIMIT, Ending, fuzz, spoil
+
+
+def test_no_spoilt_file_breaks_the_command_line() -> None:
+    endings, faults = fuzz(count=45, seed=1)
+    assert not faults, "\n".join(faults)
+    assert endings.total() == 45
+    assert {ending.split(":")[0] for ending in endings} == set(COMMANDS)
+    assert any("exit 0" in ending for ending in endings)
+    assert any("exit 2" in ending for ending in endings)
+
+
+def test_the_same_seed_spoils_the_same_way() -> None:
+    for name, text in FILES.items():
+        once, again = (
+            [spoil(text.encode(), random.Random(f"0 {k}")) for k in range(20)] for _ in range(2)
+        )
+        assert once == again, name
+        assert len(set(once)) > 10, name
+
+
+@pytest.mark.parametrize(
+    "ending",
+    [
+        Ending(-11, "polygrasp: x", 0, []),
+        Ending(3, "polygrasp: x", 0, []),
+        Ending(1, "", 0, []),
+        Ending(2, "something", 0, []),
+        Ending(2, "polygrasp: x\nTraceback", 0, []),
+        Ending(2, "polygrasp: internal error", 0, []),
+        Ending(0, "", 0, [".out.yaml.1.tmp"]),
+    ],
+)
+def test_a_bad_ending_is_known_for_one(ending: Ending) -> None:
+    assert ending.fault
+
+
+def test_a_good_ending_has_no_fault() -> None:
+    assert not Ending(0, "", 0, []).fault
+    assert not Ending(2, "polygrasp: x.sdf: is no model; mend it\n", TIME_LIMIT, []).fault

@@ -1,0 +1,79 @@
+"""A grasp as a system holds what forces can hold."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from common import grasp
+from plant_scenes import cube_grasp, model, top_scene
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from drake_polygrasp import GraspForces, UsageError
+from drake_polygrasp.certification.scratch_plant import Scene
+from drake_polygrasp.certification.wrench_space import GRAVITY
+from drake_polygrasp.grasp import Array
+
+X_WB = RigidTransform(RollPitchYaw(0.4, -0.7, 1.9), [0.1, 0.2, 0.3])
+
+
+def pose_after(scene: Scene, squeeze: float, load_W: Array) -> tuple[RigidTransform, bool]:
+    """Where the object is after half a second of gravity, and whether the forces held it."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    body = plant.AddRigidBody("object", scene.solid.M_BBo_B)
+    plant.Finalize()
+    forces = builder.AddSystem(GraspForces(scene.object_, scene.grasp, squeeze, body.index()))
+    load = builder.AddSystem(ConstantVectorSource(load_W))
+    builder.Connect(plant.get_body_poses_output_port(), forces.GetInputPort("body_poses"))
+    builder.Connect(load.get_output_port(), forces.GetInputPort("load_W"))
+    builder.Connect(
+        forces.GetOutputPort("applied_spatial_force"), plant.get_applied_spatial_force_input_port()
+    )
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    plant.SetPositions(
+        context, np.append(X_WB.rotation().ToQuaternion().wxyz(), X_WB.translation())
+    )
+    simulator.AdvanceTo(0.5)
+    holds = forces.GetOutputPort("holds").Eval(forces.GetMyContextFromRoot(simulator.get_context()))
+    return plant.EvalBodyPoseInWorld(context, body), bool(holds[0])
+
+
+def test_forces_that_hold_the_weight_leave_the_object_where_it_is() -> None:
+    scene = top_scene("skewed_block")
+    weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
+    pose, holds = pose_after(scene, 8 * weight, np.array([0, 0, -weight, 0, 0, 0]))
+    assert holds
+    assert pose.IsNearlyEqualTo(X_WB, 1e-9)
+
+
+def test_a_squeeze_that_is_not_told_of_the_weight_lets_it_fall() -> None:
+    scene = top_scene("skewed_block")
+    weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
+    pose, holds = pose_after(scene, 8 * weight, np.zeros(6))
+    assert holds
+    # Of the body's centre of mass, in free fall.
+    fallen = X_WB.translation() - pose.translation()
+    assert fallen[2] == pytest.approx(GRAVITY * 0.5**2 / 2, rel=0.01)
+    np.testing.assert_allclose(pose.rotation().matrix(), X_WB.rotation().matrix(), atol=1e-6)
+
+
+def test_a_squeeze_too_weak_for_the_weight_says_so() -> None:
+    scene = top_scene("skewed_block")
+    weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
+    _, holds = pose_after(scene, weight, np.array([0, 0, -weight, 0, 0, 0]))
+    assert not holds
+
+
+def test_what_cannot_squeeze_is_refused() -> None:
+    cube = model("cube")
+    one_face = grasp(cube_grasp().p_BC, [[1, 0, 0]] * 3, 0.3)
+    with pytest.raises(UsageError, match="force closure"):
+        GraspForces(cube, one_face, 10.0, BodyIndex(1))
+    with pytest.raises(UsageError, match="squeeze"):
+        GraspForces(cube, cube_grasp(), 0.0, BodyIndex(1))
