@@ -71,7 +71,7 @@ def call_in_child(
             child.join()
             receiver.close()
     if isinstance(error, MemoryError):
-        raise _refusal(task, f"needs more than {MAX_GIGABYTES} GB of memory")
+        raise _refusal(task, f"runs out of memory ({MAX_GIGABYTES} GB at most)")
     if error is not None:
         raise error
     return value, seconds
@@ -106,7 +106,8 @@ def _run(sender: Connection, stderr: IO[bytes], function: str, args: Any, kwargs
     try:
         _confine()
         callee = getattr(import_module(module), name)
-        for stream in (1, 2):
+        # Of a process without standard streams, the pipe may bear one of these numbers.
+        for stream in {1, 2} - {sender.fileno()}:
             os.dup2(stderr.fileno(), stream)
         start = perf_counter()
         value = callee(*args, **kwargs)

@@ -62,16 +62,21 @@ def _print(code: int, text: str) -> int:
 
 
 def _complain(message: str, code: int) -> int:
-    """Says in one line on standard error, where there is one, why the exit code is not 0."""
-    if sys.stderr is not None:
-        with suppress(OSError):
-            print(f"polygrasp: {' '.join(message.splitlines())}", file=sys.stderr, flush=True)
+    """Says in one line why the exit code is not 0, and passes the code on."""
+    _say(f"polygrasp: {message}")
     return code
 
 
 def _warn(warnings: Iterable[str]) -> None:
     for warning in warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        _say(f"warning: {warning}")
+
+
+def _say(message: str) -> None:
+    """Prints one line on standard error, where there is one."""
+    if sys.stderr is not None:
+        with suppress(OSError):
+            print(" ".join(message.splitlines()), file=sys.stderr, flush=True)
 
 
 def _load(arguments: argparse.Namespace) -> tuple[GraspObject, float]:

@@ -22,6 +22,7 @@ from drake_polygrasp.grasp import (
     frozen,
 )
 from drake_polygrasp.planning.orientation import classify, friction_angle
+from drake_polygrasp.planning.planar import dot
 from drake_polygrasp.planning.planner import (
     CODE,
     EQUAL_QUALITY,
@@ -32,7 +33,7 @@ from drake_polygrasp.planning.planner import (
     has_contacts,
 )
 from drake_polygrasp.planning.search import Triples, sets_of
-from drake_polygrasp.polyhedron import Regions
+from drake_polygrasp.polyhedron import LENGTH_TOLERANCE, Regions
 from drake_polygrasp.seating import edge_distance, seat, tip_fits
 from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
 
@@ -75,16 +76,15 @@ class Contenders:
     def judge(self, rows: Ints) -> dict[int, Proof]:
         """Whether tips fit and the exact certificate holds; the proofs of those that hold."""
         p_BC, nhat_TB_B, mu = self.contacts
-        if self.tip_radius > 0:
-            fits = tip_fits(
-                self.object_.polyhedron,
-                p_BC[rows].reshape(-1, 3),
-                nhat_TB_B[rows].reshape(-1, 3),
-                self.tip_radius,
-            )
-            fits = np.logical_and.reduce(fits.reshape(-1, 3), axis=1)
-            self.outcome[rows[~fits]] = CODE["tip_blocked"]
-            rows = rows[fits]
+        fits = tip_fits(
+            self.object_.polyhedron,
+            p_BC[rows].reshape(-1, 3),
+            nhat_TB_B[rows].reshape(-1, 3),
+            self.tip_radius,
+        )
+        fits = np.logical_and.reduce(fits.reshape(-1, 3), axis=1)
+        self.outcome[rows[~fits]] = CODE["tip_blocked"]
+        rows = rows[fits]
         proofs = prove_many(p_BC[rows], nhat_TB_B[rows], mu[rows])
         self.outcome[rows] = [_OUTCOME[proof.verdict] for proof in proofs]
         return {
@@ -190,12 +190,23 @@ def contenders(
     outcome[alive[~holds]] = CODE["not_force_closure"]
     distinct = 1 + (np.diff(np.sort(face, axis=1), axis=1) > 0).sum(axis=1)
     kind = np.where(distinct == 2, 2, rows.is_parallel)
-    seated = Candidates(
-        rows.set_index, rows.region, rows.is_parallel, p_BC, rows.nhat_B, rows.p_BP, rows.q
-    )
+    nhat_B, p_BP = _planes_of(p_BC, rows, LENGTH_TOLERANCE * object_.polyhedron.diameter)
+    seated = Candidates(rows.set_index, rows.region, rows.is_parallel, p_BC, nhat_B, p_BP, rows.q)
     return Contenders(
         object_, method, regions, plan, seated, nhat_TB_B, mu, face, kind, outcome, tip_radius
     )
+
+
+def _planes_of(p_BC: Array, rows: Candidates, slack: float) -> tuple[Array, Array]:
+    """Normals and points of Pi_p; where seating moved contacts off it, the plane through them."""
+    nhat_B, p_BP = rows.nhat_B.copy(), rows.p_BP.copy()
+    off = np.abs(dot(nhat_B[:, None], p_BC - p_BP[:, None])).max(axis=1)
+    moved = np.flatnonzero(off > slack)
+    N = plane_normal(p_BC[moved])
+    N *= np.where(dot(N, nhat_B[moved]) < 0, -1.0, 1.0)[:, None]
+    nhat_B[moved] = N
+    p_BP[moved] -= dot(N, p_BP[moved] - p_BC[moved, 0])[:, None] * N
+    return nhat_B, p_BP
 
 
 def _joined(first: Candidates, second: Candidates) -> Candidates:

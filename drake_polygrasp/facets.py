@@ -29,12 +29,14 @@ _LEVEL = 1e-3
 is flat to whoever asks how far a contact may move."""
 
 
-def is_covered(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Bools:
-    """Whether the point just outside each contact is inside a part of the body.
+def is_covered(
+    polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, step: float = _JUST_OUTSIDE
+) -> Bools:
+    """Whether the point `step` L outside each contact is inside a part of the body.
 
     Of contacts p_BC [m] on the surface with inward normals, both (M, 3); shape (M,).
     """
-    outside = p_BC - _JUST_OUTSIDE * polyhedron.diameter * nhat_TB_B
+    outside = p_BC - step * polyhedron.diameter * nhat_TB_B
     triangles = polyhedron.triangles_B
     if polyhedron.closed is not None:
         triangles = triangles[polyhedron.closed]

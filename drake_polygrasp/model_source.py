@@ -15,7 +15,7 @@ from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.mesh_file import MAX_BYTES
 from drake_polygrasp.model_document import directive_files, read_xml
-from drake_polygrasp.model_statements import check_sizes
+from drake_polygrasp.model_statements import check_link
 
 SUFFIXES = (".sdf", ".urdf", ".xml", ".dmd.yaml", ".obj")
 """What Drake's Parser reads."""
@@ -156,7 +156,8 @@ def _read_sdf_or_urdf(
                 if not uri.strip():
                     raise ModelError(f"{path}: a collision mesh names no file; name one")
                 files.meshes[resolve(uri, path.parent, packages)] = None
-            check_sizes(element, path, urdf=root.tag == "robot")
+        elif element.tag == "link":
+            check_link(element, path, urdf=root.tag == "robot")
 
 
 def _read_mjcf(

@@ -41,8 +41,23 @@ class Statements:
         return self.friction[k] if len(self.friction) == count else all(self.friction)
 
 
-def check_sizes(collision: ElementTree.Element, path: Path, *, urdf: bool) -> None:
-    """Raise ModelError for sizes of a collision geometry that are none."""
+def check_link(link: ElementTree.Element, path: Path, *, urdf: bool) -> None:
+    """Raise ModelError for sizes that Drake would replace, and for mass that it cannot compute."""
+    inertial = link.find("inertial")
+    if _is_automatic(inertial) and link.find("collision/geometry/mesh") is not None:
+        raise ModelError(
+            f"{path}: Drake cannot compute the inertia of link '{link.get('name')}', which has a "
+            "collision mesh; state its mass and inertia instead of auto"
+        )
+    for collision in link.iter("collision"):
+        _check_sizes(collision, path, urdf=urdf)
+
+
+def _is_automatic(inertial: ElementTree.Element | None) -> bool:
+    return inertial is not None and inertial.get("auto", "").strip().lower() in ("true", "1")
+
+
+def _check_sizes(collision: ElementTree.Element, path: Path, *, urdf: bool) -> None:
     for shape, sizes in _SIZES.items():
         for element in collision.iter(shape):
             for name, count in sizes.items():
@@ -88,19 +103,23 @@ def _sdf_or_urdf_link(link: ElementTree.Element, path: Path) -> Statements:
                 f"{path}: link '{link.get('name')}' has a mass that is not above 0; state one that "
                 "is, or none"
             )
-    automatic = inertial is not None and inertial.get("auto") == "true"
     friction = (
         any(element.tag in _FRICTION_TAGS for element in collision.iter())
         for collision in link.iter("collision")
     )
-    return Statements(mass is not None or automatic, tuple(friction))
+    return Statements(mass is not None or _is_automatic(inertial), tuple(friction))
 
 
 def _mjcf_body(body: ElementTree.Element, root: ElementTree.Element) -> Statements:
     """MJCF always means a mass, of its default density; friction may come from its defaults."""
-    default = any(geom.get("friction") for d in root.iter("default") for geom in d.iter("geom"))
-    friction = tuple(default or bool(geom.get("friction")) for geom in body.findall("geom"))
+    default = any(_has_friction(geom) for d in root.iter("default") for geom in d.iter("geom"))
+    friction = tuple(default or _has_friction(geom) for geom in body.findall("geom"))
     return Statements(True, friction)
+
+
+def _has_friction(geom: ElementTree.Element) -> bool:
+    numbers = _numbers(geom.get("friction"))
+    return bool(numbers) and math.isfinite(numbers[0])
 
 
 def _numbers(text: str | None) -> list[float]:

@@ -115,7 +115,8 @@ def load_object(
     polyhedron = _polyhedron(inspector, geometries, friction, where, patch_angle, patch_depth)
     if not polyhedron.watertight:
         warnings.append(f"{where}: its surface is not closed; what lies inside is a guess")
-    mass, p_BBcm = _mass(plant, body) if statements.mass else (None, volume_centroid(polyhedron))
+    has_mass = statements.mass and body.default_mass() > 0
+    mass, p_BBcm = _mass(plant, body) if has_mass else (None, volume_centroid(polyhedron))
     if mass is None:
         warnings.append(f"{where} states no mass; its centre is taken to be that of the volume")
     with np.errstate(all="ignore"):

@@ -15,6 +15,7 @@ import shapely
 
 from drake_polygrasp.grasp import Array, Bools, Ints
 from drake_polygrasp.inradius import rough_inradius
+from drake_polygrasp.sections import merged
 from drake_polygrasp.triangles import (
     connected_components,
     edge_neighbors,
@@ -32,6 +33,8 @@ _MANY_FACETS = 1000
 """Ours: bodies of no more planar faces than this are planned on as they are."""
 _BROAD = 0.0025
 """Times L squared, ours: planar faces larger than this are faces of any body."""
+_ACROSS = 0.5
+"""Cosine of the angle of neighbours that cannot be of one plane, whatever their noise, ours."""
 _MAX_SEEDS = 1000
 """Ours: bounds the time on surfaces too rough for patches."""
 _SMOOTHING = 0.02
@@ -79,7 +82,9 @@ def curved_triangles(vertices: Array, corners: Ints, L: float, flatness: float) 
     centroid = vertices[corners].mean(axis=1)
     t, u = edge_neighbors(corners)
     lift = np.einsum("nij,nj->ni", vertices[corners[u]] - centroid[t][:, None], nhat[t])
-    flat = (np.abs(lift).max(axis=1) <= flatness) & (np.einsum("ni,ni->n", nhat[t], nhat[u]) > 0)
+    flat = np.abs(lift).max(axis=1) <= flatness
+    # A facet across an edge may be so small that its vertices are in the plane, too.
+    flat &= np.einsum("ni,ni->n", nhat[t], nhat[u]) > _ACROSS
     plane = connected_components(num, t[flat], u[flat])
     # Many small turns make a curve: planes that are not flat as a whole fall apart.
     whole = np.bincount(plane, weights=area, minlength=num)
@@ -215,7 +220,7 @@ def _fit(surface: _Surface, members: Ints, L: float) -> Patch | None:
 
 def _outline(triangles: Array, L: float) -> shapely.Polygon | None:
     """The widest polygon of the union of triangles (k, 3, 2), without whiskers, simplified."""
-    parts = shapely.get_parts(_union(triangles, L))
+    parts = shapely.get_parts(merged(shapely.polygons(triangles), _GRID * L))
     parts = parts[shapely.get_dimensions(parts) == 2]
     width = float(rough_inradius(parts).max(initial=0))
     if width < _NARROWEST * L:
@@ -228,14 +233,3 @@ def _outline(triangles: Array, L: float) -> shapely.Polygon | None:
     widest = parts[np.argmax(shapely.area(parts))]
     holes = [hole for hole in widest.interiors if shapely.Polygon(hole).area > np.pi * whisker**2]
     return shapely.orient_polygons(shapely.Polygon(widest.exterior, holes))
-
-
-def _union(triangles: Array, L: float) -> shapely.Geometry:
-    pieces = shapely.polygons(triangles)
-    try:
-        union = shapely.coverage_union_all(pieces)
-        if shapely.is_valid(union):
-            return union
-    except shapely.GEOSException:
-        pass  # Facets fold over others, and are no coverage.
-    return shapely.union_all(pieces, grid_size=_GRID * L)

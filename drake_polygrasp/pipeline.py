@@ -48,7 +48,7 @@ TIP_RADIUS = 0.02
 SETS_OF_A_KIND = 10
 """Sets of each kind that are proved at least to be ranked by margin, ours: Q favours two-face
 sets, though three faces hold best on most objects without parallel faces."""
-MANY_REGIONS = 40
+MANY_REGIONS = 24
 """Ours: of more, only the sets that the search finds go through the paper's stages."""
 CHOSEN_SETS = 100
 """How many sets the search then chooses, ours."""

@@ -23,6 +23,8 @@ from drake_polygrasp.triangles import pairs_closer_than, unit_normals
 
 CRACK = 1e-3
 """Times L, ours: gaps narrower than this are closed to any finger, even a point."""
+_JUST_INSIDE = 1e-8
+"""Times L, ours: as little as can be told from rounding, for beside a sharp edge more leads out."""
 _STEEPEST = np.cos(0.02)
 """Ours: a triangle that leans out of its face by more than 0.02 rad is a needle, and its normal
 noise."""
@@ -138,7 +140,7 @@ def touch(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Touch:
         )
     if polyhedron.watertight:
         # Where a shell crosses itself, some of its walls have the body on their other side.
-        hollow = ~is_covered(polyhedron, p, -n)
+        hollow = ~is_covered(polyhedron, p, -n, _JUST_INSIDE)
         face[hollow], p[hollow], n[hollow] = -1, p_BC[hollow], nhat_TB_B[hollow]
     return Touch(face, p, n)
 

@@ -17,7 +17,7 @@ from drake_polygrasp.grasp import Array, Bools, Ints, frozen
 from drake_polygrasp.patches import PATCH_ANGLE, Patch, curved_triangles, grow_patches
 from drake_polygrasp.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron
 from drake_polygrasp.primitives import Primitive, sagitta, tessellation
-from drake_polygrasp.sections import Mesh, Plane, Polygons, covered, restore
+from drake_polygrasp.sections import Mesh, Plane, Polygons, covered, merged, restore
 from drake_polygrasp.triangles import (
     diameter,
     face_frame,
@@ -174,13 +174,16 @@ def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
     alone = len(near) == 1 and mesh.simple[near[0]]
     if alone and len(pieces) == 1:
         return [_face(plane, pieces[0], mu[0])]
+    grid = LENGTH_TOLERANCE * L
+    if alone and (mu == mu[0]).all():
+        whole = _areas([merged(pieces, grid)])
+        return [_face(plane, polygon, mu[0]) for polygon in _tidy_polygons(whole, L)]
     cover = _NOTHING if alone else covered(mesh, plane, near, L)
     vertices = np.concatenate([xy[corners].reshape(-1, 2), shapely.get_coordinates(cover)])
-    grid = LENGTH_TOLERANCE * L
     taken = shapely.union_all(cover, grid_size=grid)
     faces: list[Face] = []
     for value in np.unique(mu):
-        own = shapely.union_all(pieces[mu == value], grid_size=grid)
+        own = merged(pieces[mu == value], grid)
         free = shapely.difference(own, taken, grid_size=grid)
         taken = shapely.union_all(_areas([taken, own]), grid_size=grid)
         free = restore(_areas([free]), vertices, grid)

@@ -60,7 +60,7 @@ CELL_TYPES 1
 """
 PARTS_SDF = """\
 <sdf version="1.9"><model name="m"><link name="l"><pose>1 2 3 0.1 0.2 0.3</pose>
-<inertial auto="true"/>
+<inertial><pose>0 0 0.1 0 0 0</pose><mass>2</mass></inertial>
 <collision name="a"><pose>0 0 0.1 0 0 0</pose>
 <geometry><mesh><uri>cube.obj</uri><scale>0.1 0.2 -0.1</scale></mesh></geometry>
 <surface><friction><ode><mu>0.5</mu><mu2>0.4</mu2></ode></friction></surface></collision>
@@ -283,6 +283,15 @@ def _main(command: str, folder: Path, output: int, time_limit: float) -> None:
         os._exit(code)
 
 
+def write_files(folder: Path) -> Path:
+    """A new folder with all that is good."""
+    folder.mkdir()
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+    write_box(folder)
+    return folder
+
+
 def fuzz(count: int, seed: int, keep: Path | None = None) -> tuple[Counter[str], list[str]]:
     """How `count` spoilt inputs ended by file and exit code, and the faults; `keep` collects them.
 
@@ -293,11 +302,7 @@ def fuzz(count: int, seed: int, keep: Path | None = None) -> tuple[Counter[str],
     with tempfile.TemporaryDirectory() as scratch:
         for number in range(count):
             dice = random.Random(f"{seed} {number}")
-            folder = Path(scratch) / str(number)
-            folder.mkdir()
-            for name, text in FILES.items():
-                (folder / name).write_text(text)
-            write_box(folder)
+            folder = write_files(Path(scratch) / str(number))
             name = list(COMMANDS)[number % len(COMMANDS)]
             (folder / name).write_bytes(spoil((folder / name).read_bytes(), dice))
             command = COMMANDS[name]

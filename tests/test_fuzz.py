@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import random
+from pathlib import Path
 
 import pytest
-from fuzz import COMMANDS, FILES, TIME_LIMIT, Ending, fuzz, spoil
+from fuzz import COMMANDS, FILES, TIME_LIMIT, Ending, fuzz, run, spoil, write_files
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_what_is_spoilt_was_good(name: str, tmp_path: Path) -> None:
+    folder = write_files(tmp_path / "files")
+    command = COMMANDS[name].replace("plan", "plan --method paper --top 1 -o out.yaml")
+    ending = run(command, folder)
+    assert (ending.code, ending.fault) == (0, ""), ending.said
 
 
 def test_no_spoilt_file_breaks_the_command_line() -> None:

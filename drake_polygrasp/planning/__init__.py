@@ -11,6 +11,11 @@
 | 6 | quality Q, eq. 5-10 | quality.py | q_positions, q_orientation, q_directions | test_quality.py |
 | 7 | contact points | contact_points.py | nonparallel_contacts, opposed_contacts | test_contact_points.py |
 | 4-7 | the flow chart | planner.py | plan_sets | test_reference_planner.py |
+| beyond | which steps, and which grasps they start from | variants.py | Steps, improved_triples | test_improvement.py |
+| beyond | triples of sample points, however many | search.py | best_triples | test_search.py |
+| beyond | contacts that move while epsilon rises | improvement.py | improved | test_improvement.py |
+| beyond | h(w) as a function of places on faces | face_support.py | face_twists | test_search.py |
+| beyond | where fingertips have room | tip_room.py | with_tip_room | test_search.py |
 
 Section 2 (faces, edges) is polyhedron.py, one folder up; Section 3 (force closure) is
 certification/ and wrench.py, because Proposition 1 as printed is not a test. Everything here is

@@ -13,6 +13,7 @@ import numpy as np
 
 from drake_polygrasp.grasp import Array, Ints
 from drake_polygrasp.polyhedron import Regions
+from drake_polygrasp.wrench import cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: fl
     """Directions w, shape (..., K, 6), on regions, shape (...); the shapes broadcast."""
     R_BF = regions.R_BF[region]
     v, omega = w[..., :3], w[..., 3:]
-    v = v + np.cross(omega, (regions.p_BF[region] - p_BBcm)[..., None, :] / rho)
+    v = v + cross(omega, (regions.p_BF[region] - p_BBcm)[..., None, :] / rho)
     return FaceTwists(v @ R_BF, omega @ R_BF / rho, regions.mu[region])
 
 

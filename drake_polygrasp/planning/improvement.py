@@ -99,9 +99,9 @@ def _climb(
         places = p_FC[:, :, None] + step[:, None, None, None] * offsets
         places = _nearest_inside(polygons, places)
         places[:, :, 0] = p_FC
-        a, b, c = np.moveaxis(support(places), 1, 0)
-        both = np.maximum(a[:, :, None], b[:, None])
-        height = np.maximum(both[:, :, :, None], c[:, None, None]).min(axis=-1)
+        h = support(places)
+        both = np.maximum(h[:, 0, :, None], h[:, 1, None])
+        height = np.maximum(both[:, :, :, None], h[:, 2, None, None]).min(axis=-1)
         best = height.reshape(len(p_FC), -1).argmax(axis=1)
         chosen = np.stack(np.unravel_index(best, combinations), axis=1)
         p_FC = np.take_along_axis(places, chosen[..., None, None], axis=2)[:, :, 0]

@@ -87,7 +87,10 @@ def best_triples(
         rows = cover(twists.support(p_FC[:, None])[:, 0], KEPT)
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
-        holds, slips = triples.take(holding), triples.take(np.setdiff1d(np.arange(len(rows)), holding))
+        holds, slips = (
+            triples.take(holding),
+            triples.take(np.setdiff1d(np.arange(len(rows)), holding)),
+        )
         found = joined(holds, found)
         sources = joined(_first_of_sets(holds, SOURCES), _first_of_sets(slips, SOURCES))
     return found
@@ -144,7 +147,7 @@ def _rings(polygons: npt.NDArray[np.object_]) -> tuple[Array, Ints]:
 
 def _weakest(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
     nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
-    w, _ = critical_directions(triples.p_BC, nhat, mu, p_BBcm, rho)
+    w, _ = critical_directions(triples.p_BC, nhat, mu, p_BBcm, rho, turns=True)
     return w.reshape(-1, 6)
 
 
@@ -154,9 +157,12 @@ def _holding(regions: Regions, triples: Triples) -> Ints:
 
 
 def _drawn(regions: Regions, region: Ints, p_BC: Array) -> Triples:
+    """Random triples, those that hold first."""
     rows = np.random.default_rng(0).integers(0, len(region), (DRAWN, 3))
     triples = Triples(region[rows], p_BC[rows])
-    return triples.take(_holding(regions, triples))
+    holds = _holding(regions, triples)
+    slips = np.setdiff1d(np.arange(DRAWN), holds)
+    return joined(triples.take(holds), triples.take(slips))
 
 
 def first_of_each_set(region: Ints) -> Ints:
@@ -188,10 +194,28 @@ def cover(h: Array, num: int) -> Ints:
     Returns:
         Shape (at most num, 3).
     """
+    for threshold in _thresholds(h, num):
+        best = _above(h, threshold, num)
+        if len(best) == num:
+            break
+    return best
+
+
+def _thresholds(h: Array, num: int) -> Array:
+    """Falling thresholds, from one that some more than `num` triples should pass to none at all."""
+    N = len(h)
+    sample = np.random.default_rng(0).integers(0, N, (2000, 3))
+    height = h[sample].max(axis=1).min(axis=1)
+    share = min(1.0, max(20 * num / N**3, 1e-3))
+    shares = np.geomspace(share, 1.0, 4)
+    return np.append(np.quantile(height, 1.0 - shares), -np.inf)
+
+
+def _above(h: Array, threshold: float, num: int) -> Ints:
+    """The `num` greatest of the triples above a threshold, which rises as they are found."""
     N = len(h)
     j, k = np.triu_indices(N, 1)
     first = np.searchsorted(j, np.arange(N), side="right")
-    threshold = _estimate(h, num)
     bits = _bits(h, threshold)
     pairs = bits[:, j] | bits[:, k]
     best, height = np.empty((0, 3), int), np.empty(0)
@@ -199,6 +223,8 @@ def cover(h: Array, num: int) -> Ints:
     for i in range(N - 2):
         rows = first[i] + np.flatnonzero((pairs[0, first[i] :] | bits[0, i]) == _ALL)
         for word in range(1, len(bits)):
+            if not len(rows):
+                break
             rows = rows[(pairs[word, rows] | bits[word, i]) == _ALL]
         fresh.append(np.column_stack([np.full(len(rows), i), j[rows], k[rows]]))
         if sum(map(len, fresh)) > _BLOCK or i == N - 3:
@@ -209,15 +235,6 @@ def cover(h: Array, num: int) -> Ints:
                 bits = _bits(h, threshold)
                 pairs = bits[:, j] | bits[:, k]
     return best
-
-
-def _estimate(h: Array, num: int) -> float:
-    """A threshold that some more than `num` triples pass, from a sample of them."""
-    N = len(h)
-    sample = np.random.default_rng(0).integers(0, N, (2000, 3))
-    height = h[sample].max(axis=1).min(axis=1)
-    share = min(1.0, 20 * num / N**3)
-    return float(np.quantile(height, 1.0 - max(share, 1e-3)))
 
 
 def _bits(h: Array, threshold: float) -> npt.NDArray[np.uint64]:

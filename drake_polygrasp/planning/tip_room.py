@@ -30,9 +30,11 @@ def with_tip_room(regions: Regions, polyhedron: Polyhedron, tip_radius: float) -
     """
     if tip_radius <= 0 or is_convex(polyhedron):
         return regions
-    low = _FLAT * polyhedron.diameter
+    # The facets of a patch rise from its plane and are its face all the same.
+    reach = 2 * np.array([face.reach for face in polyhedron.faces])[regions.face]
+    lowest = np.maximum(_FLAT * polyhedron.diameter, reach)
     polygons = regions.polygon_F.copy()
-    for k, polygon in enumerate(polygons):
+    for k, (polygon, low) in enumerate(zip(polygons, lowest, strict=True)):
         triangles_F = (polyhedron.triangles_B - regions.p_BF[k]) @ regions.R_BF[k]
         rising = _near(triangles_F, polygon, low, tip_radius)
         if len(rising):

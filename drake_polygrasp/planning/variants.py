@@ -24,11 +24,11 @@ SPREADS = (0.5, 0.9)
 
 The text's 0.5 defeats its own aim of a large triangle; on most objects 0.9 holds better.
 """
-STARTS = 24
+STARTS = 16
 """Triples that are improved, ours."""
 PLACES = 2
 """Of them at most so many on one set of regions, ours: the next best are often the same place."""
-ROUNDS = 6
+ROUNDS = 8
 """Of improvement for all starts, ours."""
 FINALISTS = 8
 """Triples that are improved to the end, ours."""

@@ -1,0 +1,168 @@
+"""Improvement never loses, stays inside, and finds the best where that is known by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from scipy.spatial.transform import Rotation
+from solids import cube, moved, regular_prism, solid
+
+from drake_polygrasp.certification.wrench_space import epsilon_interval
+from drake_polygrasp.grasp import Array, GraspObject
+from drake_polygrasp.planning.face_support import points_in_faces
+from drake_polygrasp.planning.improvement import improved
+from drake_polygrasp.planning.planner import has_contacts, plan_sets
+from drake_polygrasp.planning.search import Triples
+from drake_polygrasp.planning.variants import (
+    best_first,
+    best_places,
+    improved_triples,
+    place_in_set,
+    set_numbers,
+)
+from drake_polygrasp.polyhedron import Regions, erode
+from drake_polygrasp.wrench import critical_directions, epsilon_upper_bound, force_closure
+from tests.common import prism_grasp, random_contacts, random_rotations
+from tests.convex_polyhedra import holed_prism, tangent_polyhedron
+
+OBJECTS = {
+    "cube": cube(),
+    "octagonal prism": regular_prism(8, mu=0.5),
+    "holed prism": solid(holed_prism(6, 1, 1)),
+    "tangent polyhedron": solid(tangent_polyhedron(10, 0), mu=0.4),
+}
+
+
+def constructed(object_: GraspObject) -> tuple[Regions, Triples]:
+    """The paper's grasps that hold, of best Q first."""
+    regions = erode(object_.polyhedron)
+    scale = object_.p_BBcm, object_.polyhedron.diameter, object_.rho
+    rows = plan_sets(regions, *scale, "enriched").candidates
+    rows = rows.take(has_contacts(rows.p_BC))
+    mu = regions.mu[rows.region]
+    rows = rows.take(force_closure(rows.p_BC, regions.nhat_TB_B[rows.region], mu))
+    rows = rows.take(np.argsort(-rows.Q, kind="stable")[:12])
+    return regions, Triples(rows.region, rows.p_BC)
+
+
+def epsilons(object_: GraspObject, regions: Regions, triples: Triples) -> Array:
+    """By the judge, which shares no code with the planner."""
+    nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
+    return np.array(
+        [
+            epsilon_interval(*grasp, object_.p_BBcm, object_.rho, relative_gap=0.005).lower
+            for grasp in zip(triples.p_BC, nhat, mu, strict=True)
+        ]
+    )
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_no_grasp_becomes_worse_and_the_best_becomes_better(name: str) -> None:
+    object_ = OBJECTS[name]
+    regions, starts = constructed(object_)
+    p_BC, bound = improved(regions, starts.region, starts.p_BC, object_.p_BBcm, object_.rho, 8)
+    before = epsilons(object_, regions, starts)
+    after = epsilons(object_, regions, Triples(starts.region, p_BC))
+    assert (after >= 0.95 * before).all()
+    assert after.max() > before.max()
+    assert np.median(after / before) > 1.05
+    assert (bound >= 0.99 * after).all()
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_contacts_stay_in_their_regions(name: str) -> None:
+    object_ = OBJECTS[name]
+    regions, starts = constructed(object_)
+    p_BC, _ = improved(regions, starts.region, starts.p_BC, object_.p_BBcm, object_.rho, 5)
+    p_FC = points_in_faces(regions, starts.region, p_BC)
+    gap = shapely.distance(regions.polygon_F[starts.region], shapely.points(p_FC))
+    assert gap.max() < 1e-9 * object_.polyhedron.diameter
+    height = np.einsum(
+        "mci,mci->mc", p_BC - regions.p_BF[starts.region], regions.nhat_TB_B[starts.region]
+    )
+    assert np.abs(height).max() < 1e-9 * object_.polyhedron.diameter
+
+
+def test_no_rounds_change_nothing() -> None:
+    regions, starts = constructed(OBJECTS["cube"])
+    p_BC, _ = improved(regions, starts.region, starts.p_BC, np.full(3, 0.03), 0.05, 0)
+    assert p_BC == pytest.approx(starts.p_BC)
+
+
+def test_improvement_moves_with_the_object() -> None:
+    object_ = OBJECTS["tangent polyhedron"]
+    R = Rotation.random(random_state=3).as_matrix()
+    there = moved(object_, R, [0.3, -0.1, 0.2])
+    _, starts = constructed(object_)
+    bounds = []
+    for one, p_BC in ((object_, starts.p_BC), (there, starts.p_BC @ R.T + [0.3, -0.1, 0.2])):
+        own = erode(one.polyhedron)
+        bounds.append(improved(own, starts.region, p_BC, one.p_BBcm, one.rho, 2)[1])
+    # The axes of moves are those of faces, which turned with the object.
+    assert bounds[0] == pytest.approx(bounds[1], rel=1e-4)
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_starts_outside_or_without_force_closure_are_left_out(name: str) -> None:
+    object_ = OBJECTS[name]
+    regions, starts = constructed(object_)
+    outside = Triples(starts.region, starts.p_BC + 0.01 * regions.R_BF[starts.region][..., 0] * 20)
+    slipping = Triples(starts.region[:, [0, 0, 0]], starts.p_BC[:, [0, 0, 0]])
+    for useless in (outside, slipping):
+        none = improved_triples(regions, useless, object_.p_BBcm, object_.rho)
+        assert not len(none.region)
+
+
+def test_starts_are_the_best_and_not_all_on_one_set() -> None:
+    object_ = OBJECTS["octagonal prism"]
+    regions, starts = constructed(object_)
+    scale = object_.p_BBcm, object_.rho
+    rows = best_places(regions, starts, *scale, 5, 1)
+    assert len(rows) == len(set(set_numbers(starts.region)[rows].tolist())) == 5
+    nhat, mu = regions.nhat_TB_B[starts.region], regions.mu[starts.region]
+    bound = epsilon_upper_bound(starts.p_BC, nhat, mu, *scale, refine=False)
+    assert rows[0] == best_first(bound)[0]
+    assert (np.diff(bound[rows]) < 1e-6 * bound.max()).all()
+    assert place_in_set(np.array([7, 3, 7, 7, 3])).tolist() == [0, 0, 1, 2, 1]
+
+
+def test_critical_directions_hold_the_nearest_facet() -> None:
+    p_BC, nhat, mu = random_contacts(400, seed=4)
+    holds = force_closure(p_BC, nhat, mu)
+    contacts = p_BC[holds][:30], nhat[holds][:30], mu[holds][:30]
+    zero = np.zeros(3)
+    w, bound = critical_directions(*contacts, zero, 1.0)
+    assert w.shape == (30, 12, 6)
+    assert np.linalg.norm(w, axis=-1) == pytest.approx(1.0)
+    exact = [
+        epsilon_interval(*one, zero, 1.0, relative_gap=0.002) for one in zip(*contacts, strict=True)
+    ]
+    ratio = bound / [interval.upper for interval in exact]
+    assert (bound >= [0.999 * interval.lower for interval in exact]).all()
+    assert np.median(ratio) < 1.02
+    assert np.quantile(ratio, 0.9) < 1.25
+
+
+def test_three_contacts_around_a_prism_have_the_epsilon_of_a_small_tilt_exactly() -> None:
+    grasp = prism_grasp(mu=0.4)
+    contacts = grasp.p_BC[None], grasp.nhat_TB_B[None], grasp.mu[None]
+    bound = epsilon_upper_bound(*contacts, np.zeros(3), 0.05)[0]
+    exact = epsilon_interval(
+        grasp.p_BC, grasp.nhat_TB_B, grasp.mu, np.zeros(3), 0.05, relative_gap=1e-3
+    )
+    assert exact.lower <= bound <= 1.01 * exact.upper
+
+
+def test_critical_bounds_depend_on_neither_frame_nor_order() -> None:
+    p_BC, nhat, mu = random_contacts(300, seed=2)
+    holds = force_closure(p_BC, nhat, mu)
+    p_BC, nhat, mu = p_BC[holds], nhat[holds], mu[holds]
+    zero = np.zeros(3)
+    _, here = critical_directions(p_BC, nhat, mu, zero, 1.0)
+    R = random_rotations(1, np.random.default_rng(0))[0]
+    order = [2, 0, 1]
+    _, there = critical_directions(
+        p_BC[:, order] @ R.T, nhat[:, order] @ R.T, mu[:, order], zero, 1.0
+    )
+    assert there == pytest.approx(here, rel=1e-6)

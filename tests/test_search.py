@@ -1,0 +1,137 @@
+"""The search finds the best triples of points there are, as an exhaustive one would."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+import shapely
+from solids import cube, solid
+
+from drake_polygrasp.grasp import Array, GraspObject
+from drake_polygrasp.planning import search
+from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
+from drake_polygrasp.planning.search import (
+    Triples,
+    best_triples,
+    cover,
+    first_of_each_set,
+    sample_points,
+    sets_of,
+)
+from drake_polygrasp.planning.tip_room import with_tip_room
+from drake_polygrasp.polyhedron import erode
+from drake_polygrasp.seating import tip_fits
+from drake_polygrasp.wrench import cone_wrenches, epsilon_upper_bound, force_closure, support
+from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism
+
+NONE = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
+
+
+def heights(h: Array, triples: Array) -> Array:
+    return np.asarray(h[triples].max(axis=1).min(axis=1))
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("num_directions", [1, 40, 64, 200])
+def test_the_cover_finds_what_comparing_all_triples_finds(seed: int, num_directions: int) -> None:
+    h = np.random.default_rng(seed).normal(size=(30, num_directions))
+    everything = np.array(list(combinations(range(30), 3)))
+    best = np.sort(heights(h, everything))[::-1]
+    found = cover(h, 20)
+    assert heights(h, found) == pytest.approx(best[:20])
+    assert (np.diff(found, axis=1) > 0).all()
+    assert len(np.unique(found, axis=0)) == len(found)
+
+
+def test_raising_the_threshold_on_the_way_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    h = np.random.default_rng(1).normal(size=(40, 100))
+    everything = np.array(list(combinations(range(40), 3)))
+    monkeypatch.setattr(search, "_BLOCK", 10)
+    monkeypatch.setattr(search, "_thresholds", lambda *_: [-10.0])
+    assert heights(h, cover(h, 25)) == pytest.approx(np.sort(heights(h, everything))[::-1][:25])
+
+
+def test_support_on_faces_is_that_of_the_wrench_cones() -> None:
+    object_ = cube()
+    regions = erode(object_.polyhedron)
+    rng = np.random.default_rng(0)
+    region, w = np.array([[0, 3, 5], [1, 1, 2]]), rng.normal(size=(2, 7, 6))
+    p_FC = 0.01 * rng.normal(size=(2, 3, 2))
+    p_BC = points_on(regions, region, p_FC)
+    assert points_in_faces(regions, region, p_BC) == pytest.approx(p_FC)
+    scale = object_.p_BBcm, object_.rho
+    h = face_twists(regions, region, w[:, None], *scale).support(p_FC[:, :, None])[:, :, 0]
+    cones = cone_wrenches(p_BC, regions.nhat_TB_B[region], regions.mu[region], *scale)
+    assert h.transpose(0, 2, 1) == pytest.approx(support(cones, w)[0])
+
+
+def test_sample_points_lie_in_their_regions_in_every_one_of_them_and_at_the_corners() -> None:
+    regions = erode(solid(holed_prism(6, 1, 0)).polyhedron)
+    region, p_FC = sample_points(regions, 120)
+    gaps = shapely.distance(regions.polygon_F[region], shapely.points(p_FC))
+    assert gaps.max() < 1e-9
+    assert set(region.tolist()) == set(range(len(regions.face)))
+    assert 60 < len(region) < 240
+    largest = int(np.argmax(regions.area))
+    corners = shapely.get_coordinates(regions.polygon_F[largest])
+    own = shapely.multipoints(p_FC[region == largest])
+    assert shapely.distance(own, shapely.points(corners)).max() < 1e-9
+
+
+def test_without_regions_there_are_no_triples() -> None:
+    regions = erode(cube().polyhedron, edge_clearance=1.0)
+    assert not len(best_triples(regions, NONE, np.zeros(3), 1.0).region)
+
+
+@pytest.mark.parametrize(
+    "object_", [cube(), solid(ellipsoid_hull(12, 1), mu=0.4)], ids=["cube", "ellipsoid"]
+)
+def test_triples_hold_and_beat_random_ones_of_the_same_points(object_: GraspObject) -> None:
+    regions, scale = erode(object_.polyhedron), (object_.p_BBcm, object_.rho)
+
+    def bounds(triples: Triples) -> Array:
+        nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
+        holds = force_closure(triples.p_BC, nhat, mu)
+        bound = np.zeros(len(holds))
+        bound[holds] = epsilon_upper_bound(triples.p_BC[holds], nhat[holds], mu[holds], *scale)
+        return bound
+
+    found = best_triples(regions, NONE, *scale)
+    assert (bounds(found) > 0).all()
+    region, p_FC = sample_points(regions, search.POINTS)
+    rows = np.random.default_rng(5).integers(0, len(region), (2000, 3))
+    drawn = Triples(region[rows], points_on(regions, region, p_FC)[rows])
+    assert bounds(found).max() >= 0.97 * bounds(drawn).max()
+
+
+def test_sets_name_each_region_once() -> None:
+    rows = np.array([[3, 1, 2], [2, 2, 5], [5, 2, 5], [1, 2, 3], [4, 4, 4]])
+    assert sets_of(rows).tolist() == [[1, 2, 3], [2, 5, -1], [2, 5, -1], [1, 2, 3], [4, 4, -1]]
+    assert first_of_each_set(rows).tolist() == [0, 1, 4]
+
+
+def test_room_for_tips_is_what_the_true_surface_says() -> None:
+    channel = shapely.box(0, 0, 0.1, 0.08) - shapely.box(0.03, 0.03, 0.07, 0.09)
+    object_ = solid(prism(channel, 0.04))
+    polyhedron, regions = object_.polyhedron, erode(object_.polyhedron)
+    radius = 0.02 * polyhedron.diameter
+    clear = with_tip_room(regions, polyhedron, radius)
+    assert clear.area.sum() < regions.area.sum()
+    for some, inside_only in ((clear, True), (regions, False)):
+        region, p_FC = sample_points(some, 300)
+        p_BC, nhat = points_on(some, region, p_FC), some.nhat_TB_B[region]
+        fits = tip_fits(polyhedron, p_BC, nhat, radius)
+        assert fits.all() == inside_only
+        gap = shapely.distance(clear.polygon_F[region], shapely.points(p_FC))
+        # Walls are upright: nothing is removed in vain, but beside the circle's corners.
+        assert ((gap < 0.1 * radius) == fits).mean() > 0.97
+
+
+def test_convex_objects_and_points_for_fingers_have_room_everywhere() -> None:
+    regions = erode(cube().polyhedron)
+    assert with_tip_room(regions, cube().polyhedron, 0.01) is regions
+    holed = solid(holed_prism(6, 1, 0)).polyhedron
+    regions = erode(holed)
+    assert with_tip_room(regions, holed, 0.0) is regions
