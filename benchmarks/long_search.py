@@ -25,7 +25,8 @@ from benchmarks.peers import (
     triples_at,
     upper_bound,
 )
-from drake_polygrasp.grasp import Array, GraspObject, Ints
+from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.grasp import GraspObject
 
 NUM_TRIPLES = 50_000
 _POOL = 10_000

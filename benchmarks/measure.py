@@ -30,7 +30,7 @@ from benchmarks.peers import (
     triples_at,
 )
 from drake_polygrasp import GraspObject, GraspPlan, load_object, plan_grasps
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.pipeline import TIP_RADIUS
 from drake_polygrasp.polyhedron import Regions, erode
 

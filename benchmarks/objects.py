@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from tests.convex_polyhedra import (
     boxes,
     ellipsoid_hull,

@@ -12,8 +12,9 @@ from time import perf_counter
 import numpy as np
 import shapely
 
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, epsilon_interval
-from drake_polygrasp.grasp import Array, Bools, GraspObject, Ints
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import friction_angle, opposes
 from drake_polygrasp.polyhedron import Regions
 from drake_polygrasp.seating import tip_fits

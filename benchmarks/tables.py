@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 
 Results = list[dict[str, Any]]
 

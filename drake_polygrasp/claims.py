@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.convex import find_internal_forces, friction_at
 from drake_polygrasp.certification.wrench_space import (
@@ -23,7 +24,7 @@ from drake_polygrasp.certification.wrench_space import (
     squeeze_interval,
     tilt_tolerance,
 )
-from drake_polygrasp.grasp import Array, Grasp, Quality
+from drake_polygrasp.grasp import Grasp, Quality
 from drake_polygrasp.grasp_file import StatedGrasp, StatedObject
 from drake_polygrasp.wrench import edge_forces
 

@@ -8,18 +8,16 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof, certify, prove_many
 from drake_polygrasp.grasp import (
-    Array,
     CertifiedGrasp,
     Grasp,
     GraspObject,
     GraspPlane,
-    Ints,
     Kind,
     Quality,
     Verdict,
-    frozen,
 )
 from drake_polygrasp.planning.orientation import classify, friction_angle
 from drake_polygrasp.planning.planar import dot

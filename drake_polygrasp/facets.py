@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.polyhedron import ON_SURFACE, SAME_NORMAL, Face, Polyhedron
 from drake_polygrasp.primitives import Primitive
 from drake_polygrasp.triangles import pairs_closer_than, unit_normals, winding_numbers

@@ -11,27 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
-import numpy as np
-import numpy.typing as npt
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.polyhedron import Polyhedron
 
-if TYPE_CHECKING:
-    from drake_polygrasp.polyhedron import Polyhedron
-
-Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
 Kind = Literal["three_faces", "three_parallel_faces", "two_faces"]
-
-
-def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
-    """A read-only copy of `values`; -0.0 becomes 0.0, so that equal values print alike."""
-    array = np.array(values, dtype=dtype)
-    if np.issubdtype(array.dtype, np.floating):
-        array += 0.0
-    array.flags.writeable = False
-    return array
 
 
 class Verdict(StrEnum):

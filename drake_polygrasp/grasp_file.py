@@ -19,9 +19,9 @@ import numpy as np
 import yaml
 
 from drake_polygrasp import __version__
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.grasp import (
-    Array,
     CertifiedGrasp,
     Grasp,
     GraspObject,
@@ -29,7 +29,6 @@ from drake_polygrasp.grasp import (
     Kind,
     ModelSource,
     Quality,
-    frozen,
 )
 from drake_polygrasp.plain_yaml import Block, read_mapping
 from drake_polygrasp.wrench import edge_forces

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 
 _SEARCH = 1e-2
 """Times area / perimeter, which is less than the inradius, ours: how near a search on a grid comes

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.grasp import Array, Ints
 from drake_polygrasp.input_file import read_bytes
 
 MAX_BYTES = 100_000_000

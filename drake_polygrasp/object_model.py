@@ -26,8 +26,9 @@ from pydrake.multibody.parsing import PackageMap, Parser
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
 
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.errors import ModelError, PolygraspError, UsageError
-from drake_polygrasp.grasp import Array, GraspObject, ModelSource, frozen
+from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.mesh_file import check_mesh_file
 from drake_polygrasp.model_source import (
     ModelFiles,

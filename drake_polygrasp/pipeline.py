@@ -9,10 +9,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.contenders import KINDS, Codes, Contenders, contenders, rows_of
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.grasp import Array, CertifiedGrasp, GraspObject, Ints, frozen
+from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.planner import (
     CODE,

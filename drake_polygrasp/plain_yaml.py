@@ -16,8 +16,8 @@ from typing import Any, Literal
 
 import yaml
 
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.errors import GraspFileError
-from drake_polygrasp.grasp import Array, frozen
 from drake_polygrasp.input_file import read_bytes
 
 MAX_BYTES = 4_000_000

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, Ints, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.inradius import inradius, rough_inradius
 from drake_polygrasp.primitives import Primitive
 from drake_polygrasp.triangles import unit_normals, winding_numbers

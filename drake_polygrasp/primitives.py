@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.triangles import unit_normals
 
 _SIDES = 18

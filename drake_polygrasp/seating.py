@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.facets import facets_of, is_covered, level_distance, seat_on_patch, touch_patch
-from drake_polygrasp.grasp import Array, Bools, Ints
 from drake_polygrasp.polyhedron import (
     ANGLE_TOLERANCE,
     FLATNESS,

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.polyhedron import FLATNESS, LENGTH_TOLERANCE
 
 Polygons = npt.NDArray[np.object_]

@@ -19,7 +19,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 
-from drake_polygrasp.grasp import Array, frozen
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.polyhedron import FLATNESS
 from drake_polygrasp.primitives import Primitive
 from drake_polygrasp.surface import Part, curved_part

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.grasp import Array, Bools, Ints, frozen
 from drake_polygrasp.patches import PATCH_ANGLE, Patch, curved_triangles, grow_patches
 from drake_polygrasp.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron
 from drake_polygrasp.primitives import Primitive, sagitta, tessellation

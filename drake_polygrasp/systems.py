@@ -10,9 +10,10 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.holding import HoldingProgram
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.grasp import Array, Grasp, GraspObject
+from drake_polygrasp.grasp import Grasp, GraspObject
 
 
 class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not followed.

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 
 _POINTS_AT_ONCE = 1 << 12
 """Ours: temporaries of some ten megabytes."""

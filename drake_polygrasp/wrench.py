@@ -14,7 +14,7 @@ import itertools
 
 import numpy as np
 
-from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.arrays import Array, Bools
 
 MIN_AREA_RATIO = 1e-3
 """Ours: twice the contacts' area over the square of their longest side, at least. A non-zero area

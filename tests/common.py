@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from drake_polygrasp.grasp import Array, Grasp, GraspPlane
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.grasp import Grasp, GraspPlane
 
 RHO_BOX = float(np.linalg.norm([0.05, 0.05, 0.1]))
 

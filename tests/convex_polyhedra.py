@@ -12,7 +12,7 @@ import shapely
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 
 
 def tangent_polyhedron(num_faces: int, seed: int, size: float = 0.05) -> Array:

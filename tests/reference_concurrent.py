@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely import Point, Polygon
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from tests.reference_geometry import (
     TIE,
     TOL,

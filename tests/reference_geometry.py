@@ -14,7 +14,7 @@ import shapely
 from shapely import LineString, Point, Polygon
 from shapely.affinity import affine_transform
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 
 TOL = 1e-9
 TIE = 1e-6

@@ -12,7 +12,8 @@ from convex_polyhedra import prism
 from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
 
-from drake_polygrasp.grasp import Array, GraspObject, Ints, frozen
+from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.planar import Scale
 from drake_polygrasp.polyhedron import (
     Face,

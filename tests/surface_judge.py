@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.arrays import Array, Bools
 
 
 def nearest_point(p: Array, triangle: Array) -> Array:

@@ -21,7 +21,7 @@ PURE = [
 ]
 ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
-    ("errors",),
+    ("errors", "arrays"),
     (
         *("grasp", "wrench", "polyhedron", "triangles", "sections", "surface", "inradius"),
         *("patches", "primitives", "facets", "seating"),

@@ -17,18 +17,11 @@ from lp_judge import is_force_closure
 from scipy.spatial.transform import Rotation
 from surface_judge import is_exposed
 
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.certify import certify, prove, prove_many
 from drake_polygrasp.certification.wrench_space import epsilon_interval, placement_tolerance
 from drake_polygrasp.errors import GraspFileError
-from drake_polygrasp.grasp import (
-    Array,
-    CertifiedGrasp,
-    Grasp,
-    GraspObject,
-    GraspPlane,
-    Verdict,
-    frozen,
-)
+from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspObject, GraspPlane, Verdict
 from drake_polygrasp.grasp_file import save_grasps
 from drake_polygrasp.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from pydrake.geometry import Meshcat
 from test_visualization import planned
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.visualization import draw_grasps, look_at, save_html
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE, rgb
 

@@ -10,7 +10,8 @@ import shapely
 from convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from solids import X, Y, Z, bottom, cube, face, regions_of, regular_prism, scale_of, solid, top
 
-from drake_polygrasp.grasp import Array, GraspObject
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import classify
 from drake_polygrasp.planning.planar import Scale
 from drake_polygrasp.planning.planner import REASONS, Candidates, Method, SetPlan, plan_sets

@@ -13,6 +13,7 @@ from common import (
 )
 from lp_judge import greatest_margin, is_force_closure
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.convex import (
     MU_FLOOR,
     find_escape,
@@ -26,7 +27,7 @@ from drake_polygrasp.certification.exact import (
     check_escaping_twist,
     check_force_closure,
 )
-from drake_polygrasp.grasp import Array, Grasp
+from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import edge_forces, force_closure
 
 

@@ -17,6 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.common.yaml import yaml_load_file
 
+from drake_polygrasp.arrays import frozen
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.grasp import (
     Certificate,
@@ -26,7 +27,6 @@ from drake_polygrasp.grasp import (
     GraspPlane,
     ModelSource,
     Quality,
-    frozen,
 )
 from drake_polygrasp.grasp_file import GraspFile, grasp_document, load_grasps, save_grasps
 from drake_polygrasp.plain_yaml import MAX_BYTES

@@ -8,7 +8,7 @@ import shapely
 from scipy.spatial.transform import Rotation
 from solids import UNIT, X, Y, Z, bottom, face, regions_of, top
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.planning.grasp_plane import (
     FAN,
     Planes,

@@ -8,8 +8,9 @@ import shapely
 from scipy.spatial.transform import Rotation
 from solids import cube, moved, regular_prism, solid
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.wrench_space import epsilon_interval
-from drake_polygrasp.grasp import Array, GraspObject
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.planner import has_contacts, plan_sets

@@ -24,13 +24,14 @@ from drake_polygrasp import (
     load_object,
     verify_file,
 )
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.geometry import check_geometry
 from drake_polygrasp.certification.holding import HoldingProgram, hold, spare_friction
 from drake_polygrasp.certification.in_plant import LABELS, LoadPlan, plan_loads
 from drake_polygrasp.certification.scratch_plant import make_scene
 from drake_polygrasp.certification.statics import find_equilibria
 from drake_polygrasp.cli import main
-from drake_polygrasp.grasp import Array, Verdict, frozen
+from drake_polygrasp.grasp import Verdict
 from drake_polygrasp.plant_results import save_plant_results
 
 X, Y, Z = np.eye(3)

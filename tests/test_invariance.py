@@ -14,8 +14,9 @@ from convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_
 from scipy.spatial.transform import Rotation
 from solids import cube, moved, regions_of, regular_prism, solid, top
 
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import prove_many
-from drake_polygrasp.grasp import Array, GraspObject, Ints, frozen
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.object_model import load_object
 from drake_polygrasp.planning import orientation
 from drake_polygrasp.planning.planner import CODE, Method, plan_sets

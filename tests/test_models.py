@@ -16,7 +16,7 @@ from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from scipy.spatial import ConvexHull, Delaunay
 
 from drake_polygrasp import GraspObject, load_object
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 
 MODELS = Path(__file__).parents[1] / "models"
 

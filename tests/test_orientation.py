@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 from solids import X, Z, cube, regular_prism
 
-from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.planning import orientation
 from drake_polygrasp.planning.orientation import (
     classify,

@@ -14,7 +14,7 @@ from solids import object_of
 from surface_judge import is_exposed, nearest_point, on_surface
 from test_seating import random_contacts
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.patches import PATCH_ANGLE, PATCH_DEPTH
 from drake_polygrasp.pipeline import plan_grasps
 from drake_polygrasp.polyhedron import Polyhedron, erode, volume_centroid

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from surface_judge import is_exposed
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.grasp import Array
 from drake_polygrasp.inradius import inradius
 from drake_polygrasp.polyhedron import (
     Face,

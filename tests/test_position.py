@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
 from solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
-from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.planning.orientation import sine_of_tips_plane
 from drake_polygrasp.planning.planar import (
     area_and_centroid,

@@ -12,7 +12,7 @@ from convex_polyhedra import prism
 from solids import object_of
 from test_seating import random_contacts
 
-from drake_polygrasp.grasp import Array, frozen
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
 from drake_polygrasp.polyhedron import farthest_distance

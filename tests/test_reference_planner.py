@@ -13,7 +13,7 @@ import shapely
 from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
 
-from drake_polygrasp.grasp import Array, frozen
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.object_model import load_object
 from drake_polygrasp.planning.planner import REASONS, SetPlan, plan_sets
 from drake_polygrasp.polyhedron import Regions, erode

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
-from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.planning.grasp_plane import Planes, opposed_planes, other_heights
 from drake_polygrasp.planning.planar import (
     boundary,

@@ -9,7 +9,8 @@ import pytest
 import shapely
 from solids import cube, solid
 
-from drake_polygrasp.grasp import Array, GraspObject
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning import search
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
 from drake_polygrasp.planning.search import (

@@ -10,7 +10,7 @@ import shapely
 from convex_polyhedra import boxes, holed_prism, prism
 from surface_judge import distance, on_surface
 
-from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.polyhedron import Polyhedron, erode
 from drake_polygrasp.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.surface import Part, build_polyhedron

@@ -10,13 +10,13 @@ from common import grasp
 from plant_scenes import cube_forces, cube_scene, model, top_grasp, top_scene
 from pydrake.geometry import Meshcat
 
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification import simulation
 from drake_polygrasp.certification.holding import Holding, normal_forces
 from drake_polygrasp.certification.in_plant import LoadPlan, plan_loads
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.simulation import Outcome, Trace, judge, simulate
 from drake_polygrasp.certification.wrench_space import GRAVITY
-from drake_polygrasp.grasp import Array, frozen
 
 X, Y, Z = np.eye(3)
 WEIGHT = GRAVITY * 0.1512

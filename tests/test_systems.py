@@ -14,9 +14,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_polygrasp import GraspForces, UsageError
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.scratch_plant import Scene
 from drake_polygrasp.certification.wrench_space import GRAVITY
-from drake_polygrasp.grasp import Array
 
 X_WB = RigidTransform(RollPitchYaw(0.4, -0.7, 1.9), [0.1, 0.2, 0.3])
 

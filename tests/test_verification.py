@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 from grasp_files import BOX_SDF, EXAMPLE, Document, edit, rebalance, write_box
 
+from drake_polygrasp.arrays import frozen
 from drake_polygrasp.certification.certify import certify
 from drake_polygrasp.errors import GraspFileError, ModelError
-from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, frozen
+from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 from drake_polygrasp.grasp_file import grasp_document, save_grasps
 from drake_polygrasp.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps

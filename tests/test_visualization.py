@@ -28,8 +28,8 @@ from drake_polygrasp import (
     plan_grasps,
     save_grasps,
 )
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.cli import main
-from drake_polygrasp.grasp import Array
 from drake_polygrasp.visualization import draw_grasps, draw_object, look_at, save_html, show_rank
 from drake_polygrasp.visualization.labels import label_F, number_shape
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE, rgb

@@ -16,6 +16,7 @@ from common import (
 from lp_judge import least_normal_force, polygon_wrenches
 from scipy.spatial import ConvexHull
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.wrench_space import (
     GRAVITY,
     RELATIVE_GAP,
@@ -26,7 +27,7 @@ from drake_polygrasp.certification.wrench_space import (
     squeeze_interval,
     tilt_tolerance,
 )
-from drake_polygrasp.grasp import Array, Grasp
+from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import cone_wrenches, contact_frames, force_closure, support
 
 ORIGIN = np.zeros(3)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.convex import (
     Escape,
@@ -20,7 +21,7 @@ from drake_polygrasp.certification.wrench_space import (
     squeeze_force,
     tilt_tolerance,
 )
-from drake_polygrasp.grasp import Array, Certificate, CertifiedGrasp, Grasp, Verdict, frozen
+from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, Verdict
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.exact import (
     check_escaping_hinge,
     check_escaping_twist,
     check_force_closure,
 )
-from drake_polygrasp.grasp import Array, frozen
 from drake_polygrasp.wrench import contact_frames, contact_triangle, edge_forces
 
 MU_FLOOR = 1e-4

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
-from drake_polygrasp.grasp import Array, Grasp, frozen
+from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import cone_wrenches
 
 

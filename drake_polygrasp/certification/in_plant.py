@@ -18,13 +18,14 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Meshcat
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact, simulation, statics
 from drake_polygrasp.certification.certify import Proof, prove
 from drake_polygrasp.certification.geometry import check_geometry
 from drake_polygrasp.certification.holding import Holding, hold
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval, squeeze_force
-from drake_polygrasp.grasp import Array, Grasp, GraspObject, Verdict
+from drake_polygrasp.grasp import Grasp, GraspObject, Verdict
 from drake_polygrasp.object_model import Solid
 
 LOAD_SHARE = 0.8

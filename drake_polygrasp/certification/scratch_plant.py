@@ -15,8 +15,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.grasp import Array, Grasp, GraspObject
+from drake_polygrasp.grasp import Grasp, GraspObject
 from drake_polygrasp.object_model import Solid, load_solid
 from drake_polygrasp.seating import edge_distance, face_of
 

@@ -34,9 +34,9 @@ from pydrake.multibody.tree import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.holding import Holding, normal_forces
 from drake_polygrasp.certification.scratch_plant import Scene, add_pads, add_surface, add_tip
-from drake_polygrasp.grasp import Array, Ints, frozen
 
 TIME_STEP = 1e-3
 """[s]"""

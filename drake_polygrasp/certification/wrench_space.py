@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.geometry.optimization import HPolyhedron, VPolytope
 
-from drake_polygrasp.grasp import Array, frozen
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.wrench import cone_wrenches, support
 
 GRAVITY = 9.81

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.planning.planar import (
     Scale,
     centroids,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.polyhedron import Regions
 from drake_polygrasp.wrench import cross
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
 from drake_polygrasp.planning.planar import Shapes
 from drake_polygrasp.polyhedron import Regions

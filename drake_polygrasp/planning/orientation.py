@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.planning.planar import dot, unit
 from drake_polygrasp.polyhedron import ANGLE_TOLERANCE, SAME_NORMAL
 

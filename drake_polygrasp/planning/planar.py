@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, Ints, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.polyhedron import LENGTH_TOLERANCE, Regions
 
 Shapes = npt.NDArray[np.object_]

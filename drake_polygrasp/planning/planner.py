@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.planning.contact_points import HALF, nonparallel_contacts, opposed_contacts
 from drake_polygrasp.planning.grasp_plane import (
     grouped_ties,

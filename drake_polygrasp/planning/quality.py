@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from drake_polygrasp.grasp import Array, Bools
+from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.planning.planar import dot
 from drake_polygrasp.polyhedron import ANGLE_TOLERANCE, FLATNESS
 

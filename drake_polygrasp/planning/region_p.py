@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.planning.grasp_plane import Planes, other_heights
 from drake_polygrasp.planning.planar import (
     Boundary,

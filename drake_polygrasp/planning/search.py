@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.planning.face_support import face_twists, points_on
 from drake_polygrasp.polyhedron import Regions
 from drake_polygrasp.wrench import critical_directions, force_closure

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, frozen
+from drake_polygrasp.arrays import Array, Bools, frozen
 from drake_polygrasp.planning.planar import Shapes
 from drake_polygrasp.polyhedron import FLATNESS, Polyhedron, Regions, is_convex
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.grasp import Array, GraspObject, Ints, frozen
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.grasp_plane import (
     Planes,
     nonparallel_planes,

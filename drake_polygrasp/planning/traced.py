@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import shapely
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.planning.planar import Shapes
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array, Ints
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.planning.grasp_plane import (
     TIE,
     Planes,

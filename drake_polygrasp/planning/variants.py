@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import Triples, joined, sets_of

@@ -18,9 +18,10 @@ from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.transforms import ScaledTranslation
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.convex import find_internal_forces
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.grasp import Array, GraspObject
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.trace import trace
 from drake_polygrasp.planning.traced import OnPiL, OnPiP, OnPiS, Trace
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.polyhedron import Face
 
 _STROKES: dict[str, list[tuple[float, float]]] = {

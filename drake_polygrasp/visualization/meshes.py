@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from drake_polygrasp.grasp import Array
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.polyhedron import Face, Polyhedron
 
 

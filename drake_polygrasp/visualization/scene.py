@@ -13,7 +13,8 @@ import shapely
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_polygrasp.grasp import Array, CertifiedGrasp, GraspObject
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.grasp_file import StatedGrasp
 from drake_polygrasp.polyhedron import Face, surface_vertices
 from drake_polygrasp.visualization.labels import label_F
