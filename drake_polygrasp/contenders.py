@@ -43,7 +43,7 @@ _OUTCOME = {
     Verdict.FAILS: CODE["not_force_closure"],
     Verdict.UNDECIDED: CODE["undecided"],
 }
-_AHEAD = 2
+_AHEAD = 1
 """Candidates judged at once for each grasp still missing, ours."""
 
 

@@ -292,15 +292,15 @@ def write_files(folder: Path) -> Path:
     return folder
 
 
-def fuzz(count: int, seed: int, keep: Path | None = None) -> tuple[Counter[str], list[str]]:
-    """How `count` spoilt inputs ended by file and exit code, and the faults; `keep` collects them.
+def fuzz(numbers: range, seed: int, keep: Path | None = None) -> tuple[Counter[str], list[str]]:
+    """How spoilt inputs ended by file and exit code, and the faults; `keep` collects them.
 
     Each input is drawn from the seed and its number, so that any one can be had again.
     """
     warm_up()
     endings, faults, slowest = Counter[str](), [], 0.0
     with tempfile.TemporaryDirectory() as scratch:
-        for number in range(count):
+        for number in numbers:
             dice = random.Random(f"{seed} {number}")
             folder = write_files(Path(scratch) / str(number))
             name = list(COMMANDS)[number % len(COMMANDS)]
@@ -325,11 +325,13 @@ def fuzz(count: int, seed: int, keep: Path | None = None) -> tuple[Counter[str],
 
 def _report() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--first", type=int, default=0, help="number of the first input")
     parser.add_argument("--count", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for inputs that end badly")
     arguments = parser.parse_args()
-    endings, faults = fuzz(arguments.count, arguments.seed, arguments.keep)
+    numbers = range(arguments.first, arguments.first + arguments.count)
+    endings, faults = fuzz(numbers, arguments.seed, arguments.keep)
     print(*faults, sep="\n")
     for ending, number in sorted(endings.items()):
         print(f"{number:6d}  {ending}")

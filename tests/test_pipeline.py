@@ -95,7 +95,7 @@ def test_every_step_is_worth_its_time_or_at_least_no_loss(name: str) -> None:
     assert best(plan(name, "spread")) >= least * best(plan(name, "none"))
     assert best(plan(name, "improve")) >= least * best(plan(name, "spread"))
     assert best(plan(name)) >= least * best(plan(name, "search"))
-    assert best(plan(name)) > 1.02 * best(plan(name, "none"))
+    assert best(plan(name)) > 1.005 * best(plan(name, "none"))
 
 
 def test_a_cube_is_held_from_corner_to_corner() -> None:

@@ -28,12 +28,12 @@ PASSES = 2
 """Ours: the second pass uses the directions that the first one's winners resist least."""
 SOURCES = 24
 """Grasps whose weakest directions are taken in each pass, ours."""
-KEPT = 400
-"""Triples kept in each pass, ours."""
+KEPT = 150
+"""Triples kept in each pass at least, ours; of many points, as many."""
 DRAWN = 3000
 """Triples drawn where no grasp is known before, ours."""
-_BLOCK = 8 * KEPT
-"""Triples collected before the threshold is raised."""
+_BLOCK = 8
+"""Times the number wanted: triples collected before the threshold is raised."""
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
@@ -71,7 +71,8 @@ def best_triples(
         num_points: how many points to sample, at least one in each region.
 
     Returns:
-        Up to `PASSES` times `KEPT` triples that are force closure, those of the last pass first.
+        Triples that are force closure, at most as many as points or `KEPT` from each of `PASSES`
+        passes, those of the last pass first.
     """
     region, p_FC = sample_points(regions, num_points)
     if len(region) < 3:
@@ -84,7 +85,7 @@ def best_triples(
     for _ in range(PASSES):
         w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
         twists = face_twists(regions, region, w, p_BBcm, rho)
-        rows = cover(twists.support(p_FC[:, None])[:, 0], KEPT)
+        rows = cover(twists.support(p_FC[:, None])[:, 0], max(KEPT, len(region)))
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
         holds, slips = (
@@ -204,7 +205,7 @@ def cover(h: Array, num: int) -> Ints:
 def _thresholds(h: Array, num: int) -> Array:
     """Falling thresholds, from one that some more than `num` triples should pass to none at all."""
     N = len(h)
-    sample = np.random.default_rng(0).integers(0, N, (2000, 3))
+    sample = np.random.default_rng(0).integers(0, N, (500, 3))
     height = h[sample].max(axis=1).min(axis=1)
     share = min(1.0, max(20 * num / N**3, 1e-3))
     shares = np.geomspace(share, 1.0, 4)
@@ -227,7 +228,7 @@ def _above(h: Array, threshold: float, num: int) -> Ints:
                 break
             rows = rows[(pairs[word, rows] | bits[word, i]) == _ALL]
         fresh.append(np.column_stack([np.full(len(rows), i), j[rows], k[rows]]))
-        if sum(map(len, fresh)) > _BLOCK or i == N - 3:
+        if sum(map(len, fresh)) > _BLOCK * num or i == N - 3:
             best, height = _greatest(h, np.concatenate([best, *fresh]), num)
             fresh = []
             if len(height) == num and height[-1] > threshold:

@@ -24,15 +24,15 @@ SPREADS = (0.5, 0.9)
 
 The text's 0.5 defeats its own aim of a large triangle; on most objects 0.9 holds better.
 """
-STARTS = 16
+STARTS = 12
 """Triples that are improved, ours."""
 PLACES = 2
 """Of them at most so many on one set of regions, ours: the next best are often the same place."""
-ROUNDS = 8
+ROUNDS = 3
 """Of improvement for all starts, ours."""
 FINALISTS = 8
 """Triples that are improved to the end, ours."""
-FINAL_ROUNDS = 16
+FINAL_ROUNDS = 12
 FINAL_STEP = 0.2
 """First step of the finalists, times the square root of the largest region's area, ours."""
 EQUAL_BOUND = 1e-9
