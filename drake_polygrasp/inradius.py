@@ -44,7 +44,8 @@ def inradius(polygons: npt.NDArray[np.object_]) -> Array:
         reached = distance.min(axis=1)
         better = reached > radius[rows] * (1 + 1e-12)
         radius[rows] = np.maximum(reached, radius[rows])
-        rows, center, nearest, distance = (x[better] for x in (rows, center, nearest, distance))
+        rows, center = rows[better], center[better]
+        nearest, distance = nearest[better], distance[better]
         if not len(rows):
             break
         inward = (center[:, None] - nearest) / distance[..., None]

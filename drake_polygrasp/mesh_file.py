@@ -60,7 +60,7 @@ def _check_obj(content: bytes) -> None:
         raise ValueError("a face has fewer than three corners")
     if (sizes - 2).sum() < _MIN_COUNT:
         raise ValueError(f"a solid needs at least {_MIN_COUNT} triangles, it has {sum(sizes - 2)}")
-    _check_count((sizes - 2).sum())
+    _check_count(int((sizes - 2).sum()))
     corners = _integers([corner for face in faces for corner in face])
     kinds = np.array([kind == b"v" for kind, _ in records])
     # A negative index counts back from the last vertex before its face.

@@ -193,7 +193,7 @@ def section(
     for parity in (1, 0):  # gaps begin at every second end, segments at the others
         s, owner = _without_short(s, owner, parity, slack)
     slot, counts = _slots(owner, len(region))
-    ends = np.full((len(region), max(2, counts.max(initial=0))), np.nan)
+    ends = np.full((len(region), max(2, int(counts.max(initial=0)))), np.nan)
     ends[owner, slot] = s
 
     nhat_TB = regions.nhat_TB_B[region]
@@ -337,7 +337,7 @@ def clip_polygon(vertices: Array, normal: Array, offset: Array) -> Array:
     order = np.argsort(~keep, axis=1, kind="stable")[:, : num_vertices + 2]
     count = keep.sum(axis=1)
     slot = np.minimum(np.arange(num_vertices + 2), np.maximum(count - 1, 0)[:, None])
-    clipped = points[np.arange(num_rows)[:, None], np.take_along_axis(order, slot, axis=1)]
+    clipped: Array = points[np.arange(num_rows)[:, None], np.take_along_axis(order, slot, axis=1)]
     clipped[count == 0] = np.nan
     return clipped
 
