@@ -32,7 +32,7 @@ from drake_polygrasp.planning.planner import (
 )
 from drake_polygrasp.planning.search import Triples, sets_of
 from drake_polygrasp.polyhedron import LENGTH_TOLERANCE, Regions
-from drake_polygrasp.seating import edge_distance, seat, tip_fits
+from drake_polygrasp.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
 
 Codes = npt.NDArray[np.int8]
@@ -72,8 +72,20 @@ class Contenders:
         return self.candidates.p_BC, self.nhat_TB_B, self.mu
 
     def judge(self, rows: Ints) -> dict[int, Proof]:
-        """Whether tips fit and the exact certificate holds; the proofs of those that hold."""
+        """Whether tips fit and the exact certificate holds; the proofs of those that hold.
+
+        Contacts must be where `verify` finds them too: on the exposed surface, with the body
+        behind them and no more friction than is there.
+        """
         p_BC, nhat_TB_B, mu = self.contacts
+        faces = self.object_.polyhedron.faces
+        found = face_of(
+            self.object_.polyhedron, p_BC[rows].reshape(-1, 3), nhat_TB_B[rows].reshape(-1, 3)
+        ).reshape(-1, 3)
+        there = np.append([face.mu for face in faces], -np.inf)[found]
+        touches = np.logical_and.reduce(mu[rows] <= there, axis=1)
+        self.outcome[rows[~touches]] = CODE["off_face"]
+        rows = rows[touches]
         fits = tip_fits(
             self.object_.polyhedron,
             p_BC[rows].reshape(-1, 3),
