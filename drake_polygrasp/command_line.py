@@ -7,8 +7,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-MAX_FRICTION, MAX_LENGTH = 100.0, 1000.0
-"""Ours: coefficients and lengths [m] beyond these are slips of the pen."""
+from drake_polygrasp.model_statements import MAX_FRICTION
+
+MAX_LENGTH = 1000.0
+"""Ours [m]: clearances and radii beyond it are slips of the pen."""
 
 
 def make_parser() -> argparse.ArgumentParser:

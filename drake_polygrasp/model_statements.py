@@ -14,6 +14,8 @@ from xml.etree import ElementTree
 
 from drake_polygrasp.errors import ModelError
 
+MAX_FRICTION = 100.0
+"""Ours: coefficients beyond it are slips of the pen, and strain the arithmetic."""
 MAX_SIZE = 1e6
 """Of a collision geometry, ours [m]."""
 _FRICTION_TAGS = ("mu", "mu2", "drake_mu_static", "drake_mu_dynamic")

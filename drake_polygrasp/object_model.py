@@ -38,7 +38,7 @@ from drake_polygrasp.model_source import (
     model_digest,
     read_model_files,
 )
-from drake_polygrasp.model_statements import Statements, read_statements
+from drake_polygrasp.model_statements import MAX_FRICTION, Statements, read_statements
 from drake_polygrasp.patches import PATCH_ANGLE
 from drake_polygrasp.polyhedron import (
     FLATNESS,
@@ -53,6 +53,7 @@ __all__ = ["DEFAULT_MU", "Solid", "load_object", "load_solid", "model_digest"]
 
 DEFAULT_MU = 0.3
 """The paper's own coefficient, for models that state none."""
+_FRICTION = f"it must be above 0 and at most {MAX_FRICTION:g}"
 MAX_REASON = 400
 """Of Drake's words on a file, ours: it may quote the whole file."""
 
@@ -101,8 +102,8 @@ def load_object(
     Raises ModelError when a file is missing or malformed, the body cannot be told, or its
     collision geometry is nothing to hold; UsageError when `mu` is not above 0.
     """
-    if mu is not None and not (np.isfinite(mu) and mu > 0):
-        raise UsageError(f"the friction given for {model_file} is {mu}; it must be above 0")
+    if mu is not None and not 0 < mu <= MAX_FRICTION:
+        raise UsageError(f"the friction given for {model_file} is {mu}; {_FRICTION}")
     files, plant, scene_graph, body, warnings = _open(model_file, body_name, package_paths)
     statements = read_statements(files.documents, body.name())
     where = f"{files.model_file}: body '{body.name()}'"
@@ -293,10 +294,8 @@ def _friction(
                 f"{where}: the friction of '{name}' is {static} static, {dynamic} dynamic; "
                 f"{min(static, dynamic)} is used, for Drake's discrete contact slides at the latter"
             )
-        if not 0 < friction[-1] < np.inf:
-            raise ModelError(
-                f"{where}: the friction of '{name}' is {friction[-1]}; it must be above 0"
-            )
+        if not 0 < friction[-1] <= MAX_FRICTION:
+            raise ModelError(f"{where}: the friction of '{name}' is {friction[-1]}; {_FRICTION}")
     return friction, warnings
 
 

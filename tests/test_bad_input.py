@@ -127,6 +127,7 @@ REFUSED: dict[str, tuple[str, str, str]] = {
         sdf(surface="<surface><friction><ode><mu>nan</mu></ode></friction></surface>"),
         "friction",
     ),
+    "friction beyond measure": ("x.xml", mjcf('friction="1e300"'), "above 0 and at most 100"),
     "a mesh of NaN": ("x.obj", CUBE_OBJ.replace("1 1 1", "1 nan 1"), "vertex 7 is not finite"),
     "a mesh of infinity": ("x.obj", CUBE_OBJ.replace("1 1 1", "1 -inf 1"), "is not finite"),
     "an overflowing mesh": ("x.obj", CUBE_OBJ.replace("1 1 1", "1 1e999 1"), "is not finite"),
