@@ -296,7 +296,7 @@ def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proo
 def _judged_by_bound(work: Contenders, wanted: int) -> dict[int, Proof]:
     """Proofs of the two best of each set, by their bounds of epsilon; the rest only if needed."""
     rows = np.flatnonzero(work.outcome == UNJUDGED)
-    bound = _bound(work, rows, refine=False)
+    bound = _bound(work, rows)
     order = np.lexsort((rows, -np.round(bound, 9)))
     rows, bound = rows[order], bound[order]
     is_first = place_in_set(work.candidates.set_index[rows]) < 2
@@ -306,10 +306,10 @@ def _judged_by_bound(work: Contenders, wanted: int) -> dict[int, Proof]:
     return proofs
 
 
-def _bound(work: Contenders, rows: Ints, *, refine: bool = True) -> Array:
+def _bound(work: Contenders, rows: Ints) -> Array:
     p_BC, nhat_TB_B, mu = (values[rows] for values in work.contacts)
     object_ = work.object_
-    return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho, refine=refine)
+    return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho, refine=False)
 
 
 def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:
