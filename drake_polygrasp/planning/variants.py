@@ -30,7 +30,7 @@ PLACES = 2
 """Of them at most so many on one set of regions, ours: the next best are often the same place."""
 ROUNDS = 3
 """Of improvement for all starts, ours."""
-FINALISTS = 8
+FINALISTS = 6
 """Triples that are improved to the end, ours."""
 FINAL_ROUNDS = 12
 FINAL_STEP = 0.2
