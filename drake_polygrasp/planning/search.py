@@ -26,7 +26,7 @@ MOST_POINTS = 1200
 """Ours: 3e8 triples, some seconds; of more regions the largest are sampled."""
 PASSES = 2
 """Ours: the second pass uses the directions that the first one's winners resist least."""
-SOURCES = 12
+SOURCES = 24
 """Grasps whose weakest directions are taken in each pass, ours."""
 KEPT = 150
 """Triples kept in each pass at least, ours; of many points, as many."""
