@@ -43,8 +43,6 @@ _OUTCOME = {
     Verdict.FAILS: CODE["not_force_closure"],
     Verdict.UNDECIDED: CODE["undecided"],
 }
-_AHEAD = 1
-"""Candidates judged at once for each grasp still missing, ours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +117,7 @@ class Contenders:
             if missing <= 0:
                 break
             # Whole ties, so that which of them are judged does not depend on their order.
-            level = score[min(_AHEAD * missing, len(rows)) - 1]
+            level = score[min(missing, len(rows)) - 1]
             count = int(np.searchsorted(-score, -level, side="right"))
             proofs |= self.judge(rows[:count])
             rows, score = rows[count:], score[count:]

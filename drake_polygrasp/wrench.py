@@ -212,9 +212,8 @@ def epsilon_upper_bound(
     """An upper bound of each grasp's epsilon, close to it: to rank and to prune.
 
     epsilon is the least h(w) over unit w, and any w bounds it: here those of
-    `critical_directions`, which alone are within 2 percent of it for 97 in 100 grasps of good
-    quality, for 0.1 ms each. Descents from rotations about lines that the contacts single out
-    catch most of the rest, for 0.3 ms more.
+    `critical_directions`, which alone are mostly close. Descents from rotations about lines that
+    the contacts single out catch most of the rest, for several times the work.
 
     Args:
         p_BC: contact points [m], shape (M, 3, 3).

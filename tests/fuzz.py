@@ -24,7 +24,7 @@ from typing import NamedTuple
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from grasp_files import BOX_SDF, EXAMPLE, write_box
+from grasp_files import BOX_SDF, EXAMPLE, TETRAHEDRON_VTK, write_box
 
 from drake_polygrasp.child_process import READ_SECONDS, WORK_SECONDS
 from drake_polygrasp.cli import main
@@ -45,18 +45,6 @@ f 1 2 6 5
 f 2 3 7 6
 f 3 4 8 7
 f 4 1 5 8
-"""
-TETRAHEDRON_VTK = """\
-# vtk DataFile Version 3.0
-tetrahedron
-ASCII
-DATASET UNSTRUCTURED_GRID
-POINTS 4 double
-0 0 0  1 0 0  0 1 0  0 0 1
-CELLS 1 5
-4 0 1 2 3
-CELL_TYPES 1
-10
 """
 PARTS_SDF = """\
 <sdf version="1.9"><model name="m"><link name="l"><pose>1 2 3 0.1 0.2 0.3</pose>

@@ -67,6 +67,18 @@ grasps:
     placement_tolerance: 0.00287
     squeeze_force: 35.4
 """
+TETRAHEDRON_VTK = """\
+# vtk DataFile Version 3.0
+tetrahedron
+ASCII
+DATASET UNSTRUCTURED_GRID
+POINTS 4 double
+0 0 0  1 0 0  0 1 0  0 0 1
+CELLS 1 5
+4 0 1 2 3
+CELL_TYPES 1
+10
+"""
 
 
 def write_box(folder: Path, text: str = EXAMPLE) -> Path:

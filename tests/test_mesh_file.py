@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from convex_polyhedra import ellipsoid_hull, write_obj
+from grasp_files import TETRAHEDRON_VTK
 
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.mesh_file import MAX_TRIANGLES, check_mesh_file
@@ -53,29 +54,21 @@ BAD_OBJ = {
     "binary": ("\x00\x01\x02" * 100, "at least 4 vertices"),
 }
 
-VTK = """# vtk DataFile Version 3.0
-tetrahedron
-ASCII
-DATASET UNSTRUCTURED_GRID
-POINTS 4 double
-0 0 0  1 0 0  0 1 0  0 0 1
-CELLS 1 5
-4 0 1 2 3
-CELL_TYPES 1
-10
-"""
 BAD_VTK = {
-    "no points": (VTK.replace("POINTS", "POINT"), "no POINTS"),
-    "no cells": (VTK.replace("CELLS", "CELL"), "no CELLS"),
-    "an index too high": (VTK.replace("0 1 2 3", "0 1 2 4"), "outside 0 to 3"),
-    "a negative index": (VTK.replace("0 1 2 3", "0 1 2 -1"), "outside 0 to 3"),
-    "not finite": (VTK.replace("0 0 1\n", "0 0 nan\n"), "vertex 4 is not finite"),
-    "points missing": (VTK.replace("POINTS 4", "POINTS 40"), "is no number"),
-    "no tetrahedron": (VTK.replace("1 5\n4 0 1 2 3", "1 4\n3 0 1 2"), "not all tetrahedra"),
-    "too many points": (VTK.replace("POINTS 4", f"POINTS {10**18}"), "simplify it"),
-    "too many cells": (VTK.replace("CELLS 1 5", f"CELLS {10**18} 5"), "simplify it"),
-    "zero cells": (VTK.replace("1 5\n4 0 1 2 3", "0 0"), "no cells"),
-    "broken sizes": (VTK.replace("1 5", "-1 5"), "no sizes"),
+    "no points": (TETRAHEDRON_VTK.replace("POINTS", "POINT"), "no POINTS"),
+    "no cells": (TETRAHEDRON_VTK.replace("CELLS", "CELL"), "no CELLS"),
+    "an index too high": (TETRAHEDRON_VTK.replace("0 1 2 3", "0 1 2 4"), "outside 0 to 3"),
+    "a negative index": (TETRAHEDRON_VTK.replace("0 1 2 3", "0 1 2 -1"), "outside 0 to 3"),
+    "not finite": (TETRAHEDRON_VTK.replace("0 0 1\n", "0 0 nan\n"), "vertex 4 is not finite"),
+    "points missing": (TETRAHEDRON_VTK.replace("POINTS 4", "POINTS 40"), "is no number"),
+    "no tetrahedron": (
+        TETRAHEDRON_VTK.replace("1 5\n4 0 1 2 3", "1 4\n3 0 1 2"),
+        "not all tetrahedra",
+    ),
+    "too many points": (TETRAHEDRON_VTK.replace("POINTS 4", f"POINTS {10**18}"), "simplify it"),
+    "too many cells": (TETRAHEDRON_VTK.replace("CELLS 1 5", f"CELLS {10**18} 5"), "simplify it"),
+    "zero cells": (TETRAHEDRON_VTK.replace("1 5\n4 0 1 2 3", "0 0"), "no cells"),
+    "broken sizes": (TETRAHEDRON_VTK.replace("1 5", "-1 5"), "no sizes"),
 }
 
 
@@ -100,7 +93,7 @@ def test_a_bad_obj_is_named_with_its_fault(name: str, tmp_path: Path) -> None:
 def test_a_bad_vtk_is_named_with_its_fault(name: str, tmp_path: Path) -> None:
     content, fault = BAD_VTK[name]
     path = tmp_path / "thing.vtk"
-    path.write_text(VTK)
+    path.write_text(TETRAHEDRON_VTK)
     check_mesh_file(path)
     path.write_text(content)
     with pytest.raises(ModelError, match=fault):

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import shapely
 from convex_polyhedra import prism, write_obj
+from grasp_files import TETRAHEDRON_VTK
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.errors import ModelError, UsageError
@@ -26,17 +27,6 @@ MU = (
 )
 L_PROFILE = shapely.Polygon([(0, 0), (0.3, 0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.2), (0, 0.2)])
 L_AREA = 2 * L_PROFILE.area + 0.1 * L_PROFILE.length
-VTK = """# vtk DataFile Version 3.0
-tetrahedron
-ASCII
-DATASET UNSTRUCTURED_GRID
-POINTS 4 double
-0 0 0  1 0 0  0 1 0  0 0 1
-CELLS 1 5
-4 0 1 2 3
-CELL_TYPES 1
-10
-"""
 
 Write = Callable[[str, str], Path]
 
@@ -151,7 +141,7 @@ def test_a_posed_part_is_where_its_pose_puts_it(write: Write) -> None:
 
 
 def test_a_vtk_mesh_is_the_surface_of_its_tetrahedra(write: Write) -> None:
-    write("t.vtk", VTK)
+    write("t.vtk", TETRAHEDRON_VTK)
     thing = load_object(write("model.sdf", sdf(link(mesh("<uri>t.vtk</uri>")))))
     assert area(thing) == pytest.approx(1.5 + sqrt(3) / 2)
 
@@ -358,14 +348,14 @@ def test_the_digest_covers_model_includes_and_collision_meshes_once(
 ) -> None:
     obj = tmp_path / "l.obj"
     inner = write("inner.sdf", sdf(link(mesh("<uri>l.obj</uri>"), mesh(), name="inner")))
-    second = write("sub/t.vtk", VTK)
+    second = write("sub/t.vtk", TETRAHEDRON_VTK)
     include = "<include><uri>inner.sdf</uri></include>"
     outer = write("outer.sdf", sdf(link(mesh("<uri>sub/t.vtk</uri>")), include))
     assert model_digest(inner) == digest(inner, obj)
     assert model_digest(outer) == digest(outer, inner, second, obj)
     assert model_digest(obj) == digest(obj)
     before = model_digest(outer)
-    second.write_text(VTK + " ")
+    second.write_text(TETRAHEDRON_VTK + " ")
     assert model_digest(outer) != before
 
 

@@ -3,8 +3,8 @@
 For directions w that some grasps resist least, a triple of points is no better than
 min_w max_i h_i(w) (see face_support.py), so a triple beats a threshold only if each w is resisted
 beyond it by one of its three points. That is a set cover: a bit for each point and direction, and
-a triple passes when the bits of its points, joined, are all ones. A million triples take some ten
-milliseconds. Directions come from grasps known before, then from the best triples themselves.
+a triple passes when the bits of its points, joined, are all ones. Directions come
+from grasps known before, then from the best triples themselves.
 """
 
 from __future__ import annotations
