@@ -14,10 +14,10 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, epsilon_interval
+from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.seating import tip_fits
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import friction_angle, opposes
-from drake_polygrasp.polyhedron import Regions
-from drake_polygrasp.seating import tip_fits
 from drake_polygrasp.wrench import (
     cone_wrenches,
     epsilon_upper_bound,

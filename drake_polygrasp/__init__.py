@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.export import contact_poses, export_directives
     from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, GraspObject
     from drake_polygrasp.grasp_file import GraspFile, load_grasps, save_grasps
-    from drake_polygrasp.object_model import load_object
+    from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
     from drake_polygrasp.systems import GraspForces
     from drake_polygrasp.verification import Report, verify_file
@@ -63,7 +63,7 @@ _HOMES = {
     "export": ("contact_poses", "export_directives"),
     "grasp": ("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
     "grasp_file": ("GraspFile", "load_grasps", "save_grasps"),
-    "object_model": ("load_object",),
+    "loading.object_model": ("load_object",),
     "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
     "systems": ("GraspForces",),
     "verification": ("Report", "verify_file"),

@@ -82,7 +82,7 @@ def _say(message: str) -> None:
 def _load(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
     """The object, and the seconds it took to load; warnings are printed."""
     object_, seconds = call_in_child(
-        "drake_polygrasp.object_model:load_object",
+        "drake_polygrasp.loading.object_model:load_object",
         arguments.model,
         body_name=arguments.body,
         mu=arguments.mu,

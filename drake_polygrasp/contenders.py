@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof, certify, prove_many
+from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
+from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.grasp import (
     CertifiedGrasp,
     Grasp,
@@ -31,8 +33,6 @@ from drake_polygrasp.planning.planner import (
     has_contacts,
 )
 from drake_polygrasp.planning.search import Triples, sets_of
-from drake_polygrasp.polyhedron import LENGTH_TOLERANCE, Regions
-from drake_polygrasp.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
 
 Codes = npt.NDArray[np.int8]

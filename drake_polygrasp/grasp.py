@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.polyhedron import Polyhedron
+from drake_polygrasp.geometry.polyhedron import Polyhedron
 
 Kind = Literal["three_faces", "three_parallel_faces", "two_faces"]
 

@@ -13,6 +13,12 @@ from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.contenders import KINDS, Codes, Contenders, contenders, rows_of
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.polyhedron import (
+    CLEARANCE_OF_INRADIUS,
+    DEFAULT_CLEARANCE,
+    Regions,
+    erode,
+)
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.planner import (
@@ -34,12 +40,6 @@ from drake_polygrasp.planning.search import (
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
 from drake_polygrasp.planning.variants import Steps, improved_triples, place_in_set
-from drake_polygrasp.polyhedron import (
-    CLEARANCE_OF_INRADIUS,
-    DEFAULT_CLEARANCE,
-    Regions,
-    erode,
-)
 from drake_polygrasp.wrench import epsilon_upper_bound, force_closure
 
 Rank = Literal["epsilon", "margin", "Q"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.grasp_file import write_document
-from drake_polygrasp.model_source import is_uri
+from drake_polygrasp.loading.model_source import is_uri
 from drake_polygrasp.plain_yaml import read_mapping
 
 if TYPE_CHECKING:

@@ -18,12 +18,12 @@ import numpy as np
 
 from drake_polygrasp.claims import ROUNDING, check_proof, force_faults, number_faults
 from drake_polygrasp.errors import ModelError
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.grasp_file import GraspFile, StatedGrasp, StatedObject, load_grasps
-from drake_polygrasp.model_source import find_packages, model_digest, resolve
-from drake_polygrasp.object_model import load_object
-from drake_polygrasp.polyhedron import Polyhedron
-from drake_polygrasp.seating import Touch, edge_distance, touch
+from drake_polygrasp.loading.model_source import find_packages, model_digest, resolve
+from drake_polygrasp.loading.object_model import load_object
 
 if TYPE_CHECKING:
     from drake_polygrasp.certification.in_plant import PlantReport

@@ -13,9 +13,7 @@ from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
 
 from drake_polygrasp.arrays import Array, Ints, frozen
-from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning.planar import Scale
-from drake_polygrasp.polyhedron import (
+from drake_polygrasp.geometry.polyhedron import (
     Face,
     Polyhedron,
     Regions,
@@ -23,7 +21,9 @@ from drake_polygrasp.polyhedron import (
     surface_vertices,
     volume_centroid,
 )
-from drake_polygrasp.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.planning.planar import Scale
 
 X, Y, Z = np.eye(3)
 UNIT = Scale(np.zeros(3), rho=1.0, diameter=1.0)

@@ -16,26 +16,16 @@ PACKAGE = Path(drake_polygrasp.__file__).parent
 ROOT = PACKAGE.parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PURE = [
-    *(PACKAGE / f"{name}.py" for name in ("errors", "grasp", "polyhedron", "surface", "wrench")),
+    *(PACKAGE / f"{name}.py" for name in ("errors", "grasp", "wrench")),
+    *PACKAGE.glob("geometry/*.py"),
     *PACKAGE.glob("planning/*.py"),
 ]
 ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
     ("errors", "arrays"),
-    (
-        *("grasp", "wrench", "polyhedron", "triangles", "sections", "surface", "inradius"),
-        *("patches", "primitives", "facets", "seating"),
-    ),
-    (
-        "input_file",
-        "plain_yaml",
-        "mesh_file",
-        "model_document",
-        "model_statements",
-        "model_source",
-        "shapes",
-        "object_model",
-    ),
+    ("geometry", "wrench"),
+    ("grasp",),
+    ("input_file", "plain_yaml", "loading"),
     ("planning", "certification", "grasp_file"),
     ("claims", "verification", "contenders", "pipeline", "plant_results", "export", "systems"),
     ("visualization", "child_process", "tables", "command_line", "cli", "__main__"),

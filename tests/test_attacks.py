@@ -21,13 +21,13 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.certify import certify, prove, prove_many
 from drake_polygrasp.certification.wrench_space import epsilon_interval, placement_tolerance
 from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.seating import face_of, touch
+from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspObject, GraspPlane, Verdict
 from drake_polygrasp.grasp_file import save_grasps
-from drake_polygrasp.object_model import load_object
+from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
-from drake_polygrasp.polyhedron import Polyhedron
-from drake_polygrasp.seating import face_of, touch
-from drake_polygrasp.surface import Part, build_polyhedron
 from drake_polygrasp.verification import Status, verify_file
 
 MODELS = Path(__file__).parents[1] / "models"

@@ -15,7 +15,7 @@ from fuzz import CUBE_OBJ, run, warm_up
 
 from drake_polygrasp.child_process import Task, call_in_child
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.mesh_file import MAX_TRIANGLES
+from drake_polygrasp.loading.mesh_file import MAX_TRIANGLES
 
 BOX = "<box><size>0.1 0.1 0.2</size></box>"
 MESH = "<mesh><uri>mesh.obj</uri></mesh>"

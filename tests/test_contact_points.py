@@ -11,11 +11,11 @@ from convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhed
 from solids import X, Y, Z, bottom, cube, face, regions_of, regular_prism, scale_of, solid, top
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.polyhedron import Face, Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import classify
 from drake_polygrasp.planning.planar import Scale
 from drake_polygrasp.planning.planner import REASONS, Candidates, Method, SetPlan, plan_sets
-from drake_polygrasp.polyhedron import Face, Regions, erode
 
 box = shapely.box
 

@@ -8,7 +8,7 @@ import shapely
 from convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.surface import Part, build_polyhedron
 
 SEEDS = range(5)
 

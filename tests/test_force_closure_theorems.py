@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from solids import cube, regular_polygon, scale_of, solid
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import sine_of_tips_plane
 from drake_polygrasp.planning.planner import Candidates, plan_sets
-from drake_polygrasp.polyhedron import Regions, erode
 
 SIDES = 24
 ROOM = 0.99

@@ -19,6 +19,7 @@ from pydrake.common.yaml import yaml_load_file
 
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
 from drake_polygrasp.grasp import (
     Certificate,
     CertifiedGrasp,
@@ -30,7 +31,6 @@ from drake_polygrasp.grasp import (
 )
 from drake_polygrasp.grasp_file import GraspFile, grasp_document, load_grasps, save_grasps
 from drake_polygrasp.plain_yaml import MAX_BYTES
-from drake_polygrasp.polyhedron import Face, Polyhedron
 
 KEYS = {
     "root": ["format", "version", "generator", "object", "plan", "grasps"],

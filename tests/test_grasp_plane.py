@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from solids import UNIT, X, Y, Z, bottom, face, regions_of, top
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.polyhedron import Face, Regions
 from drake_polygrasp.planning.grasp_plane import (
     FAN,
     Planes,
@@ -22,7 +23,6 @@ from drake_polygrasp.planning.grasp_plane import (
 from drake_polygrasp.planning.planar import Scale, boundary
 from drake_polygrasp.planning.position import Opposed, opposed, plane_directions
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP, SECOND, choices, two_face_planes
-from drake_polygrasp.polyhedron import Face, Regions
 
 box = shapely.box
 

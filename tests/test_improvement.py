@@ -10,6 +10,7 @@ from solids import cube, moved, regular_prism, solid
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.wrench_space import epsilon_interval
+from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
@@ -22,7 +23,6 @@ from drake_polygrasp.planning.variants import (
     place_in_set,
     set_numbers,
 )
-from drake_polygrasp.polyhedron import Regions, erode
 from drake_polygrasp.wrench import critical_directions, epsilon_upper_bound, force_closure
 from tests.common import prism_grasp, random_contacts, random_rotations
 from tests.convex_polyhedra import holed_prism, tangent_polyhedron

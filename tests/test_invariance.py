@@ -16,11 +16,11 @@ from solids import cube, moved, regions_of, regular_prism, solid, top
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import prove_many
+from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.object_model import load_object
+from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.planning import orientation
 from drake_polygrasp.planning.planner import CODE, Method, plan_sets
-from drake_polygrasp.polyhedron import Regions, erode
 
 MODELS = sorted(Path(__file__).parent.parent.glob("models/*/*.*df"))
 Grasps = dict[tuple[int, ...], Array]

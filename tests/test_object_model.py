@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.object_model import load_object, model_digest
+from drake_polygrasp.loading.model_source import model_digest
+from drake_polygrasp.loading.object_model import load_object
 
 SDF = '<?xml version="1.0"?><sdf version="1.9" xmlns:drake="drake.mit.edu">{}</sdf>'
 INERTIAL = "<inertial><mass>2</mass></inertial>"

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from solids import X, Z, cube, regular_prism
 
 from drake_polygrasp.arrays import Array, Bools
+from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.planning import orientation
 from drake_polygrasp.planning.orientation import (
     classify,
@@ -28,7 +29,6 @@ from drake_polygrasp.planning.orientation import (
     sine_of_tips_plane,
     triples,
 )
-from drake_polygrasp.polyhedron import erode
 
 seeds = st.integers(0, 2**32 - 1)
 

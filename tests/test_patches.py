@@ -15,12 +15,12 @@ from surface_judge import is_exposed, nearest_point, on_surface
 from test_seating import random_contacts
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.patches import PATCH_ANGLE, PATCH_DEPTH
+from drake_polygrasp.geometry.patches import PATCH_ANGLE, PATCH_DEPTH
+from drake_polygrasp.geometry.polyhedron import Polyhedron, erode, volume_centroid
+from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
+from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.triangles import diameter, unit_normals, winding_numbers
 from drake_polygrasp.pipeline import plan_grasps
-from drake_polygrasp.polyhedron import Polyhedron, erode, volume_centroid
-from drake_polygrasp.seating import edge_distance, face_of, seat, tip_fits
-from drake_polygrasp.surface import Part, build_polyhedron
-from drake_polygrasp.triangles import diameter, unit_normals, winding_numbers
 
 X, Y, Z = np.eye(3)
 

@@ -13,11 +13,11 @@ from solids import cube, regular_prism, solid
 
 from drake_polygrasp import pipeline
 from drake_polygrasp.certification import exact
+from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.geometry.seating import edge_distance, tip_fits
 from drake_polygrasp.pipeline import GraspPlan, explain_sets, plan_grasps
 from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.variants import Steps
-from drake_polygrasp.polyhedron import erode
-from drake_polygrasp.seating import edge_distance, tip_fits
 from tests.convex_polyhedra import holed_prism, prism, tangent_polyhedron
 
 CHANNEL = shapely.box(0, 0, 0.1, 0.08) - shapely.box(0.03, 0.03, 0.07, 0.09)

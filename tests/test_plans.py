@@ -12,11 +12,11 @@ import pytest
 from lp_judge import is_force_closure
 from surface_judge import on_surface
 
+from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.object_model import load_object
+from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
 from drake_polygrasp.planning.planner import REASONS, Method, plan_sets
-from drake_polygrasp.polyhedron import erode
 
 MODELS = {
     path.stem: path

@@ -15,8 +15,8 @@ from surface_judge import is_exposed
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.inradius import inradius
-from drake_polygrasp.polyhedron import (
+from drake_polygrasp.geometry.inradius import inradius
+from drake_polygrasp.geometry.polyhedron import (
     Face,
     Polyhedron,
     erode,
@@ -24,7 +24,7 @@ from drake_polygrasp.polyhedron import (
     surface_vertices,
     volume_centroid,
 )
-from drake_polygrasp.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.surface import Part, build_polyhedron
 
 L_PROFILE = shapely.Polygon([(0, 0), (0.3, 0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.2), (0, 0.2)])
 HOLED_SQUARE = shapely.box(0, 0, 0.4, 0.4) - shapely.box(0.1, 0.1, 0.2, 0.3)

@@ -10,6 +10,7 @@ from shapely.affinity import affine_transform
 from solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
 from drake_polygrasp.arrays import Array, Bools
+from drake_polygrasp.geometry.polyhedron import Face, Regions
 from drake_polygrasp.planning.orientation import sine_of_tips_plane
 from drake_polygrasp.planning.planar import (
     area_and_centroid,
@@ -29,7 +30,6 @@ from drake_polygrasp.planning.position import (
     strip_rs,
     two_faces_meet,
 )
-from drake_polygrasp.polyhedron import Face, Regions
 
 FAR = 1e3
 box = shapely.box

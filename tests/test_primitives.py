@@ -13,12 +13,12 @@ from solids import object_of
 from test_seating import random_contacts
 
 from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.object_model import load_object
+from drake_polygrasp.geometry.polyhedron import farthest_distance
+from drake_polygrasp.geometry.primitives import Primitive, tessellation
+from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
+from drake_polygrasp.geometry.surface import Part, build_polyhedron, curved_part
+from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
-from drake_polygrasp.polyhedron import farthest_distance
-from drake_polygrasp.primitives import Primitive, tessellation
-from drake_polygrasp.seating import edge_distance, face_of, seat, tip_fits
-from drake_polygrasp.surface import Part, build_polyhedron, curved_part
 
 R = random_rotations(1, np.random.default_rng(0))[0]
 P = np.array([0.1, -0.2, 0.3])

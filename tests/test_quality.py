@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from solids import X, Y, Z, cube, regular_polygon, scale_of, solid
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.planner import Candidates, Method, SetPlan, plan_sets
 from drake_polygrasp.planning.quality import q_directions, q_orientation, q_positions
-from drake_polygrasp.polyhedron import Regions, erode
 
 
 def spokes(*degrees: float) -> Array:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.geometry.polyhedron import Face, Regions
 from drake_polygrasp.planning.grasp_plane import Planes, opposed_planes, other_heights
 from drake_polygrasp.planning.planar import (
     boundary,
@@ -23,7 +24,6 @@ from drake_polygrasp.planning.planar import (
 from drake_polygrasp.planning.position import opposed, plane_directions
 from drake_polygrasp.planning.region_p import Cut, cut_nonparallel, cut_parallel, cut_two_faces
 from drake_polygrasp.planning.two_faces import choices, two_face_planes
-from drake_polygrasp.polyhedron import Face, Regions
 
 box = shapely.box
 seeds = st.integers(0, 2**32 - 1)

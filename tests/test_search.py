@@ -10,6 +10,8 @@ import shapely
 from solids import cube, solid
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.geometry.seating import tip_fits
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning import search
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
@@ -22,8 +24,6 @@ from drake_polygrasp.planning.search import (
     sets_of,
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
-from drake_polygrasp.polyhedron import erode
-from drake_polygrasp.seating import tip_fits
 from drake_polygrasp.wrench import cone_wrenches, epsilon_upper_bound, force_closure, support
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism
 

@@ -11,9 +11,9 @@ from convex_polyhedra import boxes, holed_prism, prism
 from surface_judge import distance, on_surface
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.polyhedron import Polyhedron, erode
-from drake_polygrasp.seating import edge_distance, face_of, seat, tip_fits
-from drake_polygrasp.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.polyhedron import Polyhedron, erode
+from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
+from drake_polygrasp.geometry.surface import Part, build_polyhedron
 
 L_PROFILE = shapely.Polygon([(0, 0), (0.3, 0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.2), (0, 0.2)])
 X, Y, Z = np.eye(3)

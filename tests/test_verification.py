@@ -17,7 +17,7 @@ from drake_polygrasp.certification.certify import certify
 from drake_polygrasp.errors import GraspFileError, ModelError
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 from drake_polygrasp.grasp_file import grasp_document, save_grasps
-from drake_polygrasp.object_model import load_object
+from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
 from drake_polygrasp.verification import Status, verify_file
 

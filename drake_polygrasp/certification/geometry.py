@@ -20,8 +20,8 @@ from pydrake.multibody.plant import (
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_polygrasp.certification.scratch_plant import Scene, add_surface, add_tip
-from drake_polygrasp.polyhedron import ON_SURFACE
-from drake_polygrasp.seating import face_of
+from drake_polygrasp.geometry.polyhedron import ON_SURFACE
+from drake_polygrasp.geometry.seating import face_of
 
 ROUNDING = 1e-9
 """Ours, relative: what a combination of friction coefficients may be off."""

@@ -26,7 +26,7 @@ from drake_polygrasp.certification.holding import Holding, hold
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval, squeeze_force
 from drake_polygrasp.grasp import Grasp, GraspObject, Verdict
-from drake_polygrasp.object_model import Solid
+from drake_polygrasp.loading.object_model import Solid
 
 LOAD_SHARE = 0.8
 """Ours: of what the squeeze bears in the worst direction. The hand squeezes with the squeeze force

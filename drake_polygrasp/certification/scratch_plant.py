@@ -17,9 +17,9 @@ from pydrake.multibody.tree import RigidBody
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
+from drake_polygrasp.geometry.seating import edge_distance, face_of
 from drake_polygrasp.grasp import Grasp, GraspObject
-from drake_polygrasp.object_model import Solid, load_solid
-from drake_polygrasp.seating import edge_distance, face_of
+from drake_polygrasp.loading.object_model import Solid, load_solid
 
 PROBE_RADIUS = 1e-3
 """Times the diameter L, ours: of the fingertips that stand for a plan's points."""

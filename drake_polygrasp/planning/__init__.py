@@ -17,7 +17,7 @@
 | beyond | h(w) as a function of places on faces | face_support.py | face_twists | test_search.py |
 | beyond | where fingertips have room | tip_room.py | with_tip_room | test_search.py |
 
-Section 2 (faces, edges) is polyhedron.py, one folder up; Section 3 (force closure) is
+Section 2 (faces, edges) is geometry/polyhedron.py; Section 3 (force closure) is
 certification/ and wrench.py, because Proposition 1 as printed is not a test. Everything here is
 numpy and shapely on batches of sets; each file says where it departs from the text and why.
 """  # noqa: E501 - a table

@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.planar import (
     Boundary,
     Scale,
@@ -26,7 +27,6 @@ from drake_polygrasp.planning.planar import (
     unit,
 )
 from drake_polygrasp.planning.position import Opposed, PlaneDirections, hull_of
-from drake_polygrasp.polyhedron import Regions
 
 INSET = 0.02
 """Part of R^s that the plane keeps from its ends, ours: faces are eroded already."""

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
-from drake_polygrasp.polyhedron import LENGTH_TOLERANCE, Regions
+from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
 
 Shapes = npt.NDArray[np.object_]
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.contact_points import HALF, nonparallel_contacts, opposed_contacts
 from drake_polygrasp.planning.grasp_plane import (
     grouped_ties,
@@ -45,7 +46,6 @@ from drake_polygrasp.planning.quality import q_directions, q_orientation, q_posi
 from drake_polygrasp.planning.region_p import Cut, cut_nonparallel, cut_parallel, cut_two_faces
 from drake_polygrasp.planning.two_faces import choices, two_face_planes
 from drake_polygrasp.planning.variants import SPREADS
-from drake_polygrasp.polyhedron import Regions
 
 Method = Literal["enriched", "paper"]
 

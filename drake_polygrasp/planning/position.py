@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.planar import (
     Boundary,
     Shapes,
@@ -27,7 +28,6 @@ from drake_polygrasp.planning.planar import (
     strips_polygon,
     unit,
 )
-from drake_polygrasp.polyhedron import Regions
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.grasp_plane import Planes, other_heights
 from drake_polygrasp.planning.planar import (
     Boundary,
@@ -27,7 +28,6 @@ from drake_polygrasp.planning.planar import (
 )
 from drake_polygrasp.planning.position import Opposed, PlaneDirections
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP
-from drake_polygrasp.polyhedron import Regions
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import face_twists, points_on
-from drake_polygrasp.polyhedron import Regions
 from drake_polygrasp.wrench import critical_directions, force_closure
 
 POINTS = 100

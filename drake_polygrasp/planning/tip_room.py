@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, frozen
+from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions, is_convex
 from drake_polygrasp.planning.planar import Shapes
-from drake_polygrasp.polyhedron import FLATNESS, Polyhedron, Regions, is_convex
 
 _FLAT = 4 * FLATNESS
 """Times L: what rises less belongs to the face."""

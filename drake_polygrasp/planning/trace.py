@@ -13,6 +13,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.grasp_plane import (
     Planes,
@@ -58,7 +59,6 @@ from drake_polygrasp.planning.region_p import (
 )
 from drake_polygrasp.planning.traced import OnPiL, OnPiP, OnPiS, Trace
 from drake_polygrasp.planning.two_faces import choices, two_face_planes
-from drake_polygrasp.polyhedron import Regions, erode
 
 
 def trace(object_: GraspObject, faces: Sequence[int], edge_clearance: float | None = None) -> Trace:

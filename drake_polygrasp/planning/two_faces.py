@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE
 from drake_polygrasp.planning.grasp_plane import (
     TIE,
     Planes,
@@ -25,7 +26,6 @@ from drake_polygrasp.planning.grasp_plane import (
 )
 from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, dot, unit
 from drake_polygrasp.planning.position import Opposed
-from drake_polygrasp.polyhedron import ANGLE_TOLERANCE
 
 OVERLAP, FIRST, SECOND = 0, 1, 2  # R_maxT is A_12, R_1 or R_2
 

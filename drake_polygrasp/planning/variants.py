@@ -13,10 +13,10 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import Triples, joined, sets_of
-from drake_polygrasp.polyhedron import Regions
 from drake_polygrasp.wrench import epsilon_upper_bound, force_closure
 
 SPREADS = (0.5, 0.9)

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.polyhedron import Face
+from drake_polygrasp.geometry.polyhedron import Face
 
 _STROKES: dict[str, list[tuple[float, float]]] = {
     "0": [(1, 0), (3, 0), (4, 1), (4, 5), (3, 6), (1, 6), (0, 5), (0, 1), (1, 0)],

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.polyhedron import Face, Polyhedron
+from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
 
 
 def shape_triangles(face: Face, shape_F: shapely.Geometry, lift: float = 0.0) -> Array:

@@ -14,9 +14,9 @@ from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.polyhedron import Face, surface_vertices
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.grasp_file import StatedGrasp
-from drake_polygrasp.polyhedron import Face, surface_vertices
 from drake_polygrasp.visualization.labels import label_F
 from drake_polygrasp.visualization.meshes import (
     face_edges,

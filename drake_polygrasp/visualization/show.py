@@ -12,8 +12,8 @@ from pydrake.geometry import Meshcat
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.grasp_file import load_grasps
-from drake_polygrasp.model_source import SUFFIXES, find_packages, is_uri, resolve
-from drake_polygrasp.object_model import load_object
+from drake_polygrasp.loading.model_source import SUFFIXES, find_packages, is_uri, resolve
+from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.visualization.page import save_html
 from drake_polygrasp.visualization.scene import AnyGrasp, draw_grasps, look_at, show_rank
 

@@ -8,8 +8,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.polyhedron import surface_vertices
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.polyhedron import surface_vertices
 from drake_polygrasp.visualization.meshes import face_edges, face_triangles, surface_triangles
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
 from drake_polygrasp.visualization.scene import FORCE_SCALE, AnyGrasp, best_view

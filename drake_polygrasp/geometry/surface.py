@@ -14,11 +14,11 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.patches import PATCH_ANGLE, Patch, curved_triangles, grow_patches
-from drake_polygrasp.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron
-from drake_polygrasp.primitives import Primitive, sagitta, tessellation
-from drake_polygrasp.sections import Mesh, Plane, Polygons, covered, merged, restore
-from drake_polygrasp.triangles import (
+from drake_polygrasp.geometry.patches import PATCH_ANGLE, Patch, curved_triangles, grow_patches
+from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron
+from drake_polygrasp.geometry.primitives import Primitive, sagitta, tessellation
+from drake_polygrasp.geometry.sections import Mesh, Plane, Polygons, covered, merged, restore
+from drake_polygrasp.geometry.triangles import (
     diameter,
     face_frame,
     oriented_shells,

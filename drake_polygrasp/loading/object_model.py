@@ -1,61 +1,39 @@
-"""From a model file, or a body in a plant, to the object to grasp.
+"""From a model file to the object to grasp.
 
 Drake reads the files; what it assumes silently where they say nothing is looked up in them.
 """
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from textwrap import shorten
-from typing import NamedTuple
 
 import numpy as np
-from pydrake.geometry import (
-    GeometryId,
-    Mesh,
-    SceneGraph,
-    SceneGraphInspector,
-    Shape,
-)
+from pydrake.geometry import GeometryId, SceneGraphInspector, Shape
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import PackageMap, Parser
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody, SpatialInertia
 
 from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.errors import ModelError, PolygraspError, UsageError
-from drake_polygrasp.grasp import GraspObject, ModelSource
-from drake_polygrasp.mesh_file import check_mesh_file
-from drake_polygrasp.model_source import (
-    ModelFiles,
-    find_packages,
-    is_uri,
-    locate,
-    model_digest,
-    read_model_files,
-)
-from drake_polygrasp.model_statements import MAX_FRICTION, Statements, read_statements
-from drake_polygrasp.patches import PATCH_ANGLE
-from drake_polygrasp.polyhedron import (
+from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.geometry.patches import PATCH_ANGLE
+from drake_polygrasp.geometry.polyhedron import (
     FLATNESS,
     Polyhedron,
     farthest_distance,
     volume_centroid,
 )
-from drake_polygrasp.shapes import is_hull, part_of
-from drake_polygrasp.surface import Part, build_polyhedron
-
-__all__ = ["DEFAULT_MU", "Solid", "load_object", "load_solid", "model_digest"]
+from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.grasp import GraspObject, ModelSource
+from drake_polygrasp.loading.model_source import is_uri
+from drake_polygrasp.loading.model_statements import MAX_FRICTION, Statements, read_statements
+from drake_polygrasp.loading.parsed_model import blaming, parse_model
+from drake_polygrasp.loading.shapes import is_hull, part_of
 
 DEFAULT_MU = 0.3
 """The paper's own coefficient, for models that state none."""
 _FRICTION = f"it must be above 0 and at most {MAX_FRICTION:g}"
-MAX_REASON = 400
-"""Of Drake's words on a file, ours: it may quote the whole file."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +46,6 @@ class Solid:
     """Each collision geometry G's shape and pose X_BG."""
     is_hulls: bool
     """Whether each part is its own convex hull, which is what point contact makes of a Mesh."""
-
-
-class _Opened(NamedTuple):
-    """What a model file holds, the body that was asked for, and what Drake warned of."""
-
-    files: ModelFiles
-    plant: MultibodyPlant
-    scene_graph: SceneGraph
-    body: RigidBody
-    warnings: list[str]
 
 
 def load_object(
@@ -104,7 +72,7 @@ def load_object(
     """
     if mu is not None and not 0 < mu <= MAX_FRICTION:
         raise UsageError(f"the friction given for {model_file} is {mu}; {_FRICTION}")
-    files, plant, scene_graph, body, warnings = _open(model_file, body_name, package_paths)
+    files, plant, scene_graph, body, warnings = parse_model(model_file, body_name, package_paths)
     statements = read_statements(files.documents, body.name())
     where = f"{files.model_file}: body '{body.name()}'"
     inspector = scene_graph.model_inspector()
@@ -146,7 +114,7 @@ def load_solid(source: ModelSource, package_paths: Sequence[str | Path] = ()) ->
     Raises ModelError as `load_object` does.
     """
     body_name = f"{source.model_name}::{source.body_name}"
-    _, plant, scene_graph, body, _ = _open(source.model_file, body_name, package_paths)
+    _, plant, scene_graph, body, _ = parse_model(source.model_file, body_name, package_paths)
     inspector = scene_graph.model_inspector()
     parts = tuple(
         (inspector.GetShape(geometry).Clone(), inspector.GetPoseInFrame(geometry))
@@ -157,113 +125,6 @@ def load_solid(source: ModelSource, package_paths: Sequence[str | Path] = ()) ->
         parts,
         all(is_hull(shape) for shape, _ in parts),
     )
-
-
-def _open(
-    model_file: str | Path, body_name: str | None, package_paths: Sequence[str | Path]
-) -> _Opened:
-    packages = find_packages(model_file, package_paths)
-    files = read_model_files(locate(model_file, packages), packages)
-    for mesh in files.meshes:
-        check_mesh_file(mesh)
-    with _drake_warnings() as warnings, _blaming(files.model_file):
-        plant, scene_graph = _parse(files.model_file, packages)
-    body = _choose_body(plant, body_name, files.model_file)
-    return _Opened(files, plant, scene_graph, body, warnings)
-
-
-@contextmanager
-def _blaming(where: Path | str) -> Iterator[None]:
-    """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors."""
-    try:
-        yield
-    except (PolygraspError, MemoryError):
-        raise
-    except (Exception, SystemExit) as error:
-        reason = shorten(str(error), MAX_REASON)
-        raise ModelError(f"{where}: Drake cannot load it: {reason}") from error
-
-
-@contextmanager
-def _drake_warnings() -> Iterator[list[str]]:
-    """Collects what Drake would log."""
-
-    class Collector(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            messages.append(shorten(record.getMessage(), MAX_REASON))
-
-    messages: list[str] = []
-    logger, collector = logging.getLogger("drake"), Collector(logging.WARNING)
-    propagate, logger.propagate = logger.propagate, False
-    logger.addHandler(collector)
-    try:
-        yield messages
-    finally:
-        logger.removeHandler(collector)
-        logger.propagate = propagate
-
-
-def _parse(model_file: Path, packages: PackageMap) -> tuple[MultibodyPlant, SceneGraph]:
-    plant, scene_graph = _empty_plant()
-    parser = Parser(plant, scene_graph)
-    parser.package_map().AddMap(packages)
-    try:
-        parser.AddModels(str(model_file))
-    except RuntimeError:
-        if model_file.suffix.lower() != ".obj":
-            raise
-        plant, scene_graph = _empty_plant()
-        _add_surface(plant, model_file)
-    plant.Finalize()
-    return plant, scene_graph
-
-
-def _empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
-    plant, scene_graph = MultibodyPlant(time_step=0.0), SceneGraph()
-    plant.RegisterAsSourceForSceneGraph(scene_graph)
-    return plant, scene_graph
-
-
-def _add_surface(plant: MultibodyPlant, mesh_file: Path) -> None:
-    """What the Parser makes of an OBJ file, but of one whose triangles give no mass properties."""
-    logging.getLogger("drake").warning(
-        "%s: its triangles are flat, open or wound inward, so that Drake finds no mass in them; "
-        "a ball of 1 kg stands in for it",
-        mesh_file,
-    )
-    name, mesh = mesh_file.stem, Mesh(str(mesh_file))
-    ball = SpatialInertia.SolidSphereWithMass(1.0, 1.0)
-    body = plant.AddRigidBody(name, plant.AddModelInstance(name), ball)
-    friction = CoulombFriction(1.0, 1.0)  # The Parser's own.
-    plant.RegisterCollisionGeometry(body, RigidTransform(), mesh, name, friction)
-
-
-def _choose_body(plant: MultibodyPlant, name: str | None, model_file: Path) -> RigidBody:
-    bodies = [plant.get_body(BodyIndex(k)) for k in range(1, plant.num_bodies())]
-    if name is not None:
-        named = [body for body in bodies if name in (body.name(), str(body.scoped_name()))]
-        if not named:
-            raise ModelError(f"no body '{name}' in {model_file}; it has {_names(bodies)}")
-        bodies = named
-    solid = [body for body in bodies if plant.GetCollisionGeometriesForBody(body)]
-    if not solid:
-        raise ModelError(
-            f"{model_file}: no collision geometry on {_names(bodies) or 'any body'}; "
-            "a grasp needs what fingers can touch"
-        )
-    if len(solid) > 1:
-        raise ModelError(
-            f"{model_file} has several bodies to grasp: {_names(solid)}; "
-            "name one of them (body_name, --body)"
-        )
-    return solid[0]
-
-
-def _names(bodies: list[RigidBody]) -> str:
-    """Quoted, with the model's name where the body's alone would not tell them apart."""
-    short = [body.name() for body in bodies]
-    unique = len(set(short)) == len(short)
-    return ", ".join(f"'{body.name() if unique else body.scoped_name()}'" for body in bodies)
 
 
 def _friction(
@@ -310,7 +171,7 @@ def _polyhedron(
     parts: list[Part] = []
     for geometry, mu in zip(geometries, friction, strict=True):
         shape = inspector.GetShape(geometry)
-        with _blaming(where):
+        with blaming(where):
             part = part_of(shape, inspector.GetPoseInFrame(geometry), mu)
         if part is None:
             raise ModelError(

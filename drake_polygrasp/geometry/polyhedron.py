@@ -13,9 +13,9 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
-from drake_polygrasp.inradius import inradius, rough_inradius
-from drake_polygrasp.primitives import Primitive
-from drake_polygrasp.triangles import unit_normals, winding_numbers
+from drake_polygrasp.geometry.inradius import inradius, rough_inradius
+from drake_polygrasp.geometry.primitives import Primitive
+from drake_polygrasp.geometry.triangles import unit_normals, winding_numbers
 
 ANGLE_TOLERANCE = 1e-9
 """[rad], ours: what is smaller than this is a rounding error of a unit vector."""

@@ -20,10 +20,10 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 
 from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.polyhedron import FLATNESS
-from drake_polygrasp.primitives import Primitive
-from drake_polygrasp.surface import Part, curved_part
-from drake_polygrasp.triangles import unit_normals
+from drake_polygrasp.geometry.polyhedron import FLATNESS
+from drake_polygrasp.geometry.primitives import Primitive
+from drake_polygrasp.geometry.surface import Part, curved_part
+from drake_polygrasp.geometry.triangles import unit_normals
 
 _AT_ONCE = 1 << 22
 """Pairs of vertex and triangle, ours: temporaries of some ten megabytes."""

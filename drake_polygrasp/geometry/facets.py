@@ -12,9 +12,9 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.polyhedron import ON_SURFACE, SAME_NORMAL, Face, Polyhedron
-from drake_polygrasp.primitives import Primitive
-from drake_polygrasp.triangles import pairs_closer_than, unit_normals, winding_numbers
+from drake_polygrasp.geometry.polyhedron import ON_SURFACE, SAME_NORMAL, Face, Polyhedron
+from drake_polygrasp.geometry.primitives import Primitive
+from drake_polygrasp.geometry.triangles import pairs_closer_than, unit_normals, winding_numbers
 
 _STEEPEST_ON_PATCH = np.cos(0.6)
 """Ours, near 35 degrees: a facet that leans more is noise and no place for a finger."""

@@ -14,9 +14,9 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.inradius import rough_inradius
-from drake_polygrasp.sections import merged
-from drake_polygrasp.triangles import (
+from drake_polygrasp.geometry.inradius import rough_inradius
+from drake_polygrasp.geometry.sections import merged
+from drake_polygrasp.geometry.triangles import (
     connected_components,
     edge_neighbors,
     face_frame,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.polyhedron import FLATNESS, LENGTH_TOLERANCE
+from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE
 
 Polygons = npt.NDArray[np.object_]
 

@@ -8,8 +8,14 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.facets import facets_of, is_covered, level_distance, seat_on_patch, touch_patch
-from drake_polygrasp.polyhedron import (
+from drake_polygrasp.geometry.facets import (
+    facets_of,
+    is_covered,
+    level_distance,
+    seat_on_patch,
+    touch_patch,
+)
+from drake_polygrasp.geometry.polyhedron import (
     ANGLE_TOLERANCE,
     FLATNESS,
     LENGTH_TOLERANCE,
@@ -19,7 +25,7 @@ from drake_polygrasp.polyhedron import (
     Polyhedron,
     is_convex,
 )
-from drake_polygrasp.triangles import pairs_closer_than, unit_normals
+from drake_polygrasp.geometry.triangles import pairs_closer_than, unit_normals
 
 CRACK = 1e-3
 """Times L, ours: gaps narrower than this are closed to any finger, even a point."""

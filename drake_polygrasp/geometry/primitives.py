@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools
-from drake_polygrasp.triangles import unit_normals
+from drake_polygrasp.geometry.triangles import unit_normals
 
 _SIDES = 18
 """Ours: facets of 20 degrees lean from the surface by 10, less than most friction angles."""

@@ -13,9 +13,9 @@ from pydrake.multibody.parsing import PackageMap
 
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
-from drake_polygrasp.mesh_file import MAX_BYTES
-from drake_polygrasp.model_document import directive_files, read_xml
-from drake_polygrasp.model_statements import check_link
+from drake_polygrasp.loading.mesh_file import MAX_BYTES
+from drake_polygrasp.loading.model_document import directive_files, read_xml
+from drake_polygrasp.loading.model_statements import check_link
 
 SUFFIXES = (".sdf", ".urdf", ".xml", ".dmd.yaml", ".obj")
 """What Drake's Parser reads."""

@@ -1,0 +1,144 @@
+"""Drake reads a model file: its parser, what it would log, and the body that was asked for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from textwrap import shorten
+from typing import NamedTuple
+
+from pydrake.geometry import Mesh, SceneGraph
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import PackageMap, Parser
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
+
+from drake_polygrasp.errors import ModelError, PolygraspError
+from drake_polygrasp.loading.mesh_file import check_mesh_file
+from drake_polygrasp.loading.model_source import ModelFiles, find_packages, locate, read_model_files
+
+MAX_REASON = 400
+"""Of Drake's words on a file, ours: it may quote the whole file."""
+
+
+class ParsedModel(NamedTuple):
+    """What a model file holds, the body that was asked for, and what Drake warned of."""
+
+    files: ModelFiles
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    body: RigidBody
+    warnings: list[str]
+
+
+def parse_model(
+    model_file: str | Path, body_name: str | None, package_paths: Sequence[str | Path]
+) -> ParsedModel:
+    """Reads a model file, whose meshes are checked before Drake may, and finds the body to grasp.
+
+    Raises ModelError when a file is missing or malformed, or when the body cannot be told.
+    """
+    packages = find_packages(model_file, package_paths)
+    files = read_model_files(locate(model_file, packages), packages)
+    for mesh in files.meshes:
+        check_mesh_file(mesh)
+    with _drake_warnings() as warnings, blaming(files.model_file):
+        plant, scene_graph = _parse(files.model_file, packages)
+    body = _choose_body(plant, body_name, files.model_file)
+    return ParsedModel(files, plant, scene_graph, body, warnings)
+
+
+@contextmanager
+def blaming(where: Path | str) -> Iterator[None]:
+    """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors."""
+    try:
+        yield
+    except (PolygraspError, MemoryError):
+        raise
+    except (Exception, SystemExit) as error:
+        reason = shorten(str(error), MAX_REASON)
+        raise ModelError(f"{where}: Drake cannot load it: {reason}") from error
+
+
+@contextmanager
+def _drake_warnings() -> Iterator[list[str]]:
+    """Collects what Drake would log."""
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            messages.append(shorten(record.getMessage(), MAX_REASON))
+
+    messages: list[str] = []
+    logger, collector = logging.getLogger("drake"), Collector(logging.WARNING)
+    propagate, logger.propagate = logger.propagate, False
+    logger.addHandler(collector)
+    try:
+        yield messages
+    finally:
+        logger.removeHandler(collector)
+        logger.propagate = propagate
+
+
+def _parse(model_file: Path, packages: PackageMap) -> tuple[MultibodyPlant, SceneGraph]:
+    plant, scene_graph = _empty_plant()
+    parser = Parser(plant, scene_graph)
+    parser.package_map().AddMap(packages)
+    try:
+        parser.AddModels(str(model_file))
+    except RuntimeError:
+        if model_file.suffix.lower() != ".obj":
+            raise
+        plant, scene_graph = _empty_plant()
+        _add_surface(plant, model_file)
+    plant.Finalize()
+    return plant, scene_graph
+
+
+def _empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
+    plant, scene_graph = MultibodyPlant(time_step=0.0), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    return plant, scene_graph
+
+
+def _add_surface(plant: MultibodyPlant, mesh_file: Path) -> None:
+    """What the Parser makes of an OBJ file, but of one whose triangles give no mass properties."""
+    logging.getLogger("drake").warning(
+        "%s: its triangles are flat, open or wound inward, so that Drake finds no mass in them; "
+        "a ball of 1 kg stands in for it",
+        mesh_file,
+    )
+    name, mesh = mesh_file.stem, Mesh(str(mesh_file))
+    ball = SpatialInertia.SolidSphereWithMass(1.0, 1.0)
+    body = plant.AddRigidBody(name, plant.AddModelInstance(name), ball)
+    friction = CoulombFriction(1.0, 1.0)  # The Parser's own.
+    plant.RegisterCollisionGeometry(body, RigidTransform(), mesh, name, friction)
+
+
+def _choose_body(plant: MultibodyPlant, name: str | None, model_file: Path) -> RigidBody:
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(1, plant.num_bodies())]
+    if name is not None:
+        named = [body for body in bodies if name in (body.name(), str(body.scoped_name()))]
+        if not named:
+            raise ModelError(f"no body '{name}' in {model_file}; it has {_names(bodies)}")
+        bodies = named
+    solid = [body for body in bodies if plant.GetCollisionGeometriesForBody(body)]
+    if not solid:
+        raise ModelError(
+            f"{model_file}: no collision geometry on {_names(bodies) or 'any body'}; "
+            "a grasp needs what fingers can touch"
+        )
+    if len(solid) > 1:
+        raise ModelError(
+            f"{model_file} has several bodies to grasp: {_names(solid)}; "
+            "name one of them (body_name, --body)"
+        )
+    return solid[0]
+
+
+def _names(bodies: list[RigidBody]) -> str:
+    """Quoted, with the model's name where the body's alone would not tell them apart."""
+    short = [body.name() for body in bodies]
+    unique = len(set(short)) == len(short)
+    return ", ".join(f"'{body.name() if unique else body.scoped_name()}'" for body in bodies)
