@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof, certify, prove_many
+from drake_polygrasp.certification.wrench_space import Interval, epsilon_interval
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
 from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.grasp import (
@@ -123,7 +124,13 @@ class Contenders:
             rows, score = rows[count:], score[count:]
         return proofs
 
-    def certified(self, row: int) -> CertifiedGrasp:
+    def epsilon(self, row: int, at_least: float) -> Interval:
+        """Bounds of a candidate's epsilon, close ones only if it reaches `at_least`."""
+        p_BC, nhat_TB_B, mu = (values[row] for values in self.contacts)
+        scale = self.object_.p_BBcm, self.object_.rho
+        return epsilon_interval(p_BC, nhat_TB_B, mu, *scale, at_least=at_least)
+
+    def certified(self, row: int, proof: Proof, epsilon: Interval | None = None) -> CertifiedGrasp:
         """A proved candidate with its certificate."""
         rows, object_ = self.candidates, self.object_
         a, b, c = self.face[row].tolist()
@@ -143,6 +150,8 @@ class Contenders:
             p_BBcm=object_.p_BBcm,
             rho=object_.rho,
             edge_distance=float(clearance.min()),
+            proof=proof,
+            epsilon=epsilon,
         )
         assert isinstance(certified, CertifiedGrasp)  # it is proved already
         return certified

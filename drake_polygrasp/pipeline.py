@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof
+from drake_polygrasp.certification.wrench_space import Interval
 from drake_polygrasp.contenders import KINDS, Codes, Contenders, contenders, rows_of
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.polyhedron import (
@@ -146,7 +147,7 @@ def plan_grasps(
         proofs = _judged_by_quality(work, rank, top)
     order = _ranked(work, proofs, rank)
     planned = perf_counter()
-    grasps = _certified(work, order, rank, top)
+    grasps = _certified(work, proofs, order, rank, top)
     certified = perf_counter()
     code = work.set_codes()
     n = len(task.regions.face)
@@ -335,21 +336,21 @@ def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ran
 
 
 def _certified(
-    work: Contenders, ranked: list[_Ranked], rank: Rank, top: int
+    work: Contenders, proofs: dict[int, Proof], ranked: list[_Ranked], rank: Rank, top: int
 ) -> tuple[CertifiedGrasp, ...]:
     """The `top` best with their certificates.
 
     The score of rank "epsilon" is an upper bound: candidates are measured until none of the rest
     can win.
     """
-    found: list[tuple[_Ranked, CertifiedGrasp]] = []
+    if rank != "epsilon":
+        return tuple(work.certified(entry.row, proofs[entry.row]) for entry in ranked[:top])
+    found: list[tuple[_Ranked, Interval]] = []
     for entry in ranked:
         least = sorted(-e.score for e, _ in found)[-top] if len(found) >= top else -np.inf
-        if len(found) >= top and (rank != "epsilon" or -entry.score <= least):
+        if -entry.score <= least:
             break
-        certified = work.certified(entry.row)
-        if rank == "epsilon":
-            entry = replace(entry, score=-round(certified.certificate.epsilon_lower, 9))
-        found.append((entry, certified))
+        epsilon = work.epsilon(entry.row, at_least=least)
+        found.append((replace(entry, score=-round(epsilon.lower, 9)), epsilon))
     found.sort(key=lambda pair: pair[0])
-    return tuple(certified for _, certified in found[:top])
+    return tuple(work.certified(e.row, proofs[e.row], epsilon) for e, epsilon in found[:top])

@@ -15,6 +15,7 @@ from drake_polygrasp.certification.convex import (
     least_friction,
 )
 from drake_polygrasp.certification.wrench_space import (
+    Interval,
     epsilon_interval,
     friction_tolerance,
     placement_tolerance,
@@ -94,6 +95,8 @@ def certify(
     p_BBcm: Array,
     rho: float,
     edge_distance: float | None = None,
+    proof: Proof | None = None,
+    epsilon: Interval | None = None,
 ) -> CertifiedGrasp | Proof:
     """Prove a grasp and measure how much more than nothing it withstands.
 
@@ -104,16 +107,18 @@ def certify(
         rho: greatest distance from the centre of mass to the surface [m].
         edge_distance: least distance from a contact to an edge of its face [m], which the
             placement tolerance does not exceed; None where no face is known.
+        proof: what `prove` says of the grasp, where that is known already.
+        epsilon: what `epsilon_interval` says of it, where that is known already.
 
     Returns:
         The grasp with its certificate if it holds, else the proof that says why not.
     """
-    proof = prove(grasp)
+    proof = proof or prove(grasp)
     if proof.internal_force is None:
         return proof
     contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
     mu_min, mu_min_internal_force = least_friction(*contacts, proof.internal_force)
-    epsilon = epsilon_interval(*contacts, p_BBcm, rho)
+    epsilon = epsilon or epsilon_interval(*contacts, p_BBcm, rho)
     certificate = Certificate(
         internal_force=proof.internal_force,
         margin=proof.margin,

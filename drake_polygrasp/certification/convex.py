@@ -21,12 +21,14 @@ from drake_polygrasp.certification.exact import (
     check_escaping_twist,
     check_force_closure,
 )
-from drake_polygrasp.wrench import contact_frames, contact_triangle, edge_forces
+from drake_polygrasp.wrench import contact_frames, contact_triangle, edge_forces, force_closure
 
 MU_FLOOR = 1e-4
 """Ours: less friction than this is reported as none; near it the exact check's own room counts."""
 _MU_STEP = 1.0 + 1e-3
 """Ours: how finely the least friction is found, as a factor."""
+_GUESSES = 24
+"""Coefficients that are tried in closed form at a time; three times is finer than `_MU_STEP`."""
 _RESOLVED_DIGITS = 9
 """Ours: Clarabel stops at 1e-8; further digits of its solutions are noise."""
 
@@ -157,14 +159,33 @@ def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[
     if witness is not None:
         return 0.0, witness
     lower, mu_min, witness = MU_FLOOR, float(mu.max()), frozen(x)
+    guess = _least_friction_in_closed_form(p_BC, nhat_TB_B, mu)
+    guesses = [guess * _MU_STEP**power for power in (-32, -4, -0.49, 32, 4, 0.49)]
     while mu_min > lower * _MU_STEP:
-        middle = math.sqrt(lower * mu_min)
+        middle = guesses.pop() if guesses else math.sqrt(lower * mu_min)
+        if not lower < middle < mu_min:
+            continue
         force = proof(middle)
         if force is None:
             lower = middle
         else:
             mu_min, witness = middle, force
     return mu_min, witness
+
+
+def _least_friction_in_closed_form(p_BC: Array, nhat_TB_B: Array, mu: Array) -> float:
+    """About what `least_friction` proves: where to look first, which saves most programs."""
+    lower, upper = MU_FLOOR, float(mu.max())
+    for _ in range(3):
+        coefficients = np.geomspace(lower, upper, _GUESSES)
+        lowered = mu * (coefficients / mu.max())[:, None]
+        shape = (_GUESSES, 3, 3)
+        holds = force_closure(
+            np.broadcast_to(p_BC, shape), np.broadcast_to(nhat_TB_B, shape), lowered
+        )
+        first = int(np.append(holds[1:-1], True).argmax()) + 1
+        lower, upper = float(coefficients[first - 1]), float(coefficients[first])
+    return math.sqrt(lower * upper)
 
 
 @dataclass(frozen=True, eq=False)
