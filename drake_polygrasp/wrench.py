@@ -40,7 +40,7 @@ _NUM_TWISTS = 2 * _TURNS * _ORDERS.shape[1]
 
 def _unit(vectors: Array) -> Array:
     """The vectors divided by their lengths; zero stays zero."""
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
     unit: Array = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
     return unit
 
@@ -66,8 +66,9 @@ def contact_triangle(p_BC: Array) -> tuple[Array, Array]:
         Points relative to the centroid and divided by the longest side (zero where the three
         points are one), shape (M, 3, 3), and the longest side [m], shape (M,).
     """
-    longest = np.linalg.norm(p_BC - np.roll(p_BC, 1, axis=1), axis=-1).max(axis=1)
-    centred = p_BC - p_BC.mean(axis=1, keepdims=True)
+    sides = p_BC - p_BC[:, (2, 0, 1)]
+    longest = np.sqrt(_dot(sides, sides).max(axis=1))
+    centred = p_BC - (p_BC[:, :1] + p_BC[:, 1:2] + p_BC[:, 2:]) / 3.0
     scale = np.where(longest > 0, longest, 1.0)
     return centred / scale[:, None, None], longest
 
@@ -343,7 +344,7 @@ def _rotations(p_BC: Array, nhat_TB_B: Array, p_BBcm: Array, rho: float) -> Arra
     wrenches.
     """
     N = plane_normal(p_BC)[:, None]
-    sides = _unit(p_BC - np.roll(p_BC, 1, axis=1))
+    sides = _unit(p_BC - p_BC[:, (2, 0, 1)])
     frames = contact_frames(p_BC, nhat_TB_B).reshape(-1, 9, 3)
     omega = np.concatenate([N, sides, cross(N, sides), frames], axis=1)[:, None]
     points = np.concatenate([p_BC, p_BC.mean(axis=1, keepdims=True)], axis=1)

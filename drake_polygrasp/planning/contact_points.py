@@ -23,6 +23,7 @@ from drake_polygrasp.planning.planar import (
 )
 from drake_polygrasp.planning.position import PlaneDirections
 from drake_polygrasp.planning.region_p import Cut, segment_hulls
+from drake_polygrasp.wrench import cross
 
 HALF = 0.5
 """The text's place of P_2 on its half of the segment: the middle."""
@@ -44,7 +45,7 @@ def nonparallel_contacts(cut: Cut, on: PlaneDirections, scale: Scale) -> Array:
         p_BC [m], shape (M, 3, 3); NaN where a line misses its segment.
     """
     rows = np.arange(len(cut.owner))
-    across = np.cross(cut.along_B, cut.nhat_B)
+    across = cross(cut.along_B, cut.nhat_B)
     c_a_2 = centroids(segment_hulls(cut.segments, across, cut.along_B))
     c_a = c_a_2[:, :1] * across + c_a_2[:, 1:] * cut.along_B + cut.height[:, None] * cut.nhat_B
 
@@ -89,7 +90,7 @@ def _concurrent(cut: Cut, on: PlaneDirections, P_I: Array, scale: Scale) -> tupl
 def _triangle_holds(corners: Array, point: Array, N: Array, scale: Scale) -> Bools:
     """Whether points lie in closed triangles of the planes with normal N."""
     side = np.roll(corners, -1, axis=1) - corners
-    left = dot(N[:, None], np.cross(side, point[:, None] - corners))
+    left = dot(N[:, None], cross(side, point[:, None] - corners))
     slack = scale.length_slack * np.linalg.norm(side, axis=-1)
     holds: Bools = (left >= -slack).all(axis=1) | (left <= slack).all(axis=1)
     return holds
@@ -108,7 +109,7 @@ def opposed_contacts(cut: Cut, scale: Scale, spread: float = HALF) -> Array:
         p_BC [m], shape (M, 3, 3), ordered A_1, A_2, A_3 (pairs: the farther of P_2 and P_3 first);
         NaN where no pairing leaves P_1 strictly between.
     """
-    across = np.cross(cut.along_B, cut.nhat_B)
+    across = cross(cut.along_B, cut.nhat_B)
     c_a = centroids(segment_hulls(cut.segments, across, cut.along_B))[:, 0]
     a_1, a_2, a_3 = np.moveaxis(cut.segments.intervals, 1, 0)
     one_region = cut.region[:, 1] == cut.region[:, 2]
@@ -126,7 +127,7 @@ def opposed_contacts(cut: Cut, scale: Scale, spread: float = HALF) -> Array:
     p_BC = cut.segments.p_BS[:, None] + x[..., None] * cut.segments.slope_B[:, None]
     p_BC[one_face, 1] = np.nan  # the same pairing again
     first, second = p_BC[:, :, 1] - p_BC[:, :, 0], p_BC[:, :, 2] - p_BC[:, :, 0]
-    area = np.linalg.norm(np.cross(first, second), axis=-1)
+    area = np.linalg.norm(cross(first, second), axis=-1)
     area = np.where(np.isnan(area), -1.0, area)
     best = np.argmax(area >= area.max(axis=1, keepdims=True) * (1 - EQUAL_AREA), axis=1)
     contacts: Array = p_BC[np.arange(len(best)), best]

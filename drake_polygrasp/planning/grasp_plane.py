@@ -27,6 +27,7 @@ from drake_polygrasp.planning.planar import (
     unit,
 )
 from drake_polygrasp.planning.position import Opposed, PlaneDirections, hull_of
+from drake_polygrasp.wrench import cross
 
 INSET = 0.02
 """Part of R^s that the plane keeps from its ends, ours: faces are eroded already."""
@@ -78,7 +79,7 @@ def _plane(
     scale: Scale,
 ) -> Planes:
     """Positions Pi_p: F = R^s cut with hull(A_1^s, A_2^s, A_3^s) holds c_m, else c_I^s is taken."""
-    across = np.cross(along, N)
+    across = cross(along, N)
     index, flat = gather(edges.offsets, region.ravel())
     row = flat // 3
     points = np.column_stack([dot(edges.tail[index], across[row]), dot(edges.tail[index], N[row])])
@@ -157,7 +158,7 @@ def opposed_planes(
     """
     sets = sets.take(owner)
     along_e = unit(direction[:, :1] * sets.u + direction[:, 1:] * sets.v)
-    N = np.cross(along_e, sets.nhat_bs)
+    N = cross(along_e, sets.nhat_bs)
     low, high = extents(edges, sets.region.ravel(), np.repeat(N, 3, axis=0))
     low, high = low.reshape(-1, 3).max(axis=1), high.reshape(-1, 3).min(axis=1)
     rows = np.flatnonzero(high - low > scale.length_slack)

@@ -30,6 +30,8 @@ FIRST_STEP = 0.35
 """Times the square root of the largest region's area, ours."""
 GROW, SHRINK = 1.3, 0.6
 """Of the step after a success and a failure, ours."""
+PATIENCE = 6
+"""Measurements in a row that none of the grasps may fail to rise in, ours."""
 REMEMBERED = 48
 """Directions a grasp remembers at most, ours."""
 
@@ -69,6 +71,7 @@ def improved(
     p_FC = points_in_faces(regions, region, p_BC)
     step = first_step * np.sqrt(regions.area[region].max(axis=1))
     w, bound = measure(p_FC)
+    failures = 0
     for number in range(rounds):
         twists = face_twists(regions, region, w[:, None], p_BBcm, rho)
         moved = _climb(twists.support, polygons, p_FC, step, number)
@@ -81,6 +84,9 @@ def improved(
         rises = moved_bound > bound
         p_FC = np.where(rises[:, None, None], moved, p_FC)
         bound = np.where(rises, moved_bound, bound)
+        failures = 0 if rises.any() else failures + 1
+        if failures == PATIENCE:
+            break
         step = step * np.where(rises, GROW, SHRINK)
         height = np.where(rises[:, None], heights[1], heights[0])
         kept = np.argsort(height, axis=1, kind="stable")[:, :REMEMBERED]

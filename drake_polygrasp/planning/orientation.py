@@ -17,6 +17,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, SAME_NORMAL
 from drake_polygrasp.planning.planar import dot, unit
+from drake_polygrasp.wrench import cross
 
 CHUNK = 200_000
 """Triples evaluated at once, ours: some 100 MB of intermediate arrays."""
@@ -82,7 +83,7 @@ def sine_of_tips_plane(nhat: Array) -> tuple[Array, Array]:
     Returns:
         N, shape (M, 3), and sin(phi), shape (M,).
     """
-    N = unit(np.cross(nhat[:, 1] - nhat[:, 0], nhat[:, 2] - nhat[:, 0]))
+    N = unit(cross(nhat[:, 1] - nhat[:, 0], nhat[:, 2] - nhat[:, 0]))
     height = dot(N[:, None], nhat).mean(axis=1)
     N = np.where(height[:, None] < 0, -N, N)
     return N, np.abs(height)
@@ -164,7 +165,7 @@ def classify(nhat: Array, alpha: Array) -> Parallel:
 
     flipped = nhat[rows, None] * (1 - 2 * np.eye(3))[None, :, :, None]
     axis = unit(least_ball_centre(flipped))
-    sine = np.linalg.norm(np.cross(axis[:, :, None], flipped), axis=-1)
+    sine = np.linalg.norm(cross(axis[:, :, None], flipped), axis=-1)
     radius = np.arctan2(sine, dot(axis[:, :, None], flipped)).max(axis=-1)
     radius = np.where(is_closest[rows], radius, np.inf)
     opposing = np.argmax(radius <= radius.min(axis=1, keepdims=True) + ANGLE_TOLERANCE, axis=1)

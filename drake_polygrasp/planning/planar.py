@@ -14,6 +14,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
+from drake_polygrasp.wrench import cross
 
 Shapes = npt.NDArray[np.object_]
 
@@ -81,8 +82,8 @@ def unit(a: Array) -> Array:
 def orthonormal_pair(nhat: Array) -> tuple[Array, Array]:
     """Unit vectors u, v with u x v = nhat, each of shape (K, 3)."""
     least = np.eye(3)[np.argmin(np.abs(nhat), axis=-1)]
-    u = unit(np.cross(least, nhat))
-    return u, np.cross(nhat, u)
+    u = unit(cross(least, nhat))
+    return u, cross(nhat, u)
 
 
 def gather(offsets: Ints, rows: Ints) -> tuple[Ints, Ints]:

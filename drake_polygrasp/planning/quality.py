@@ -15,6 +15,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, FLATNESS
 from drake_polygrasp.planning.planar import dot
+from drake_polygrasp.wrench import cross
 
 NOISE = FLATNESS
 """Times rho, ours: on a symmetric object all distances are as long as a file's rounding makes them,
@@ -51,7 +52,7 @@ def _hull_has_origin(projected: Array, N: Array) -> Bools:
     Closed, because on a cube the origin is on the hull's border for every triple.
     """
     weight = np.stack(
-        [dot(N, np.cross(projected[:, (i + 1) % 3], projected[:, (i + 2) % 3])) for i in range(3)],
+        [dot(N, cross(projected[:, (i + 1) % 3], projected[:, (i + 2) % 3])) for i in range(3)],
         axis=1,
     )
     weight *= np.where(weight.sum(axis=1, keepdims=True) < 0, -1.0, 1.0)

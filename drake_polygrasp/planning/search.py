@@ -34,6 +34,8 @@ DRAWN = 3000
 """Triples drawn where no grasp is known before, ours."""
 _BLOCK = 8
 """Times the number wanted: triples collected before the threshold is raised."""
+_AT_ONCE = 100_000
+"""Ours: triples looked at together, as many as stay in the cache."""
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
@@ -221,14 +223,19 @@ def _above(h: Array, threshold: float, num: int) -> Ints:
     pairs = bits[:, j] | bits[:, k]
     best, height = np.empty((0, 3), int), np.empty(0)
     fresh: list[Ints] = []
-    for i in range(N - 2):
-        rows = first[i] + np.flatnonzero((pairs[0, first[i] :] | bits[0, i]) == _ALL)
+    at_once = max(1, _AT_ONCE // len(j))
+    for start in range(0, N - 2, at_once):
+        many = np.arange(start, min(start + at_once, N - 2))
+        i, rows = np.nonzero((pairs[0, first[start] :] | bits[0, many, None]) == _ALL)
+        i, rows = i + start, rows + first[start]
+        i, rows = i[rows >= first[i]], rows[rows >= first[i]]
         for word in range(1, len(bits)):
             if not len(rows):
                 break
-            rows = rows[(pairs[word, rows] | bits[word, i]) == _ALL]
-        fresh.append(np.column_stack([np.full(len(rows), i), j[rows], k[rows]]))
-        if sum(map(len, fresh)) > _BLOCK * num or i == N - 3:
+            passes = (pairs[word, rows] | bits[word, i]) == _ALL
+            i, rows = i[passes], rows[passes]
+        fresh.append(np.column_stack([i, j[rows], k[rows]]))
+        if sum(map(len, fresh)) > _BLOCK * num or many[-1] == N - 3:
             best, height = _greatest(h, np.concatenate([best, *fresh]), num)
             fresh = []
             if len(height) == num and height[-1] > threshold:
