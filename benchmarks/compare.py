@@ -54,6 +54,7 @@ def _arguments() -> argparse.Namespace:
     add("names", nargs="*", metavar="NAME", help="only these objects or kinds (default: all)")
     add("--folder", type=Path, help="measure the models in this folder and below instead of ours")
     add("--most", type=int, help="at most so many generated objects of each size")
+    add("--first-seed", type=int, default=0, help="of generated objects (default: 0)")
     add("--repeat", type=int, default=3, help="the least time of so many runs counts (default: 3)")
     add("--timeout", type=float, default=600.0, help="seconds for each process (default: 600)")
     add("--long", type=int, default=NUM_TRIPLES, help="triples of the long search; 0: none")
@@ -66,7 +67,7 @@ def _subjects(arguments: argparse.Namespace, scratch: Path) -> list[Subject]:
     if arguments.folder:
         subjects = in_folder(arguments.folder)
     else:
-        subjects = models() + generated(scratch, arguments.most)
+        subjects = models() + generated(scratch, arguments.most, arguments.first_seed)
     names = set(arguments.names)
     known = {s.kind for s in subjects} | {s.name for s in subjects}
     if names - known:

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drake_polygrasp.arrays import Array
+from tests.common import round_body
 from tests.convex_polyhedra import (
     boxes,
     ellipsoid_hull,
     holed_prism,
+    shells,
     tangent_polyhedron,
     write_obj,
 )
@@ -41,7 +43,7 @@ class _Family(NamedTuple):
 
 
 def _families() -> Iterator[_Family]:
-    """80 objects in all; few of the large ones, whose planning takes longest."""
+    """90 objects in all; few of the large ones, whose planning takes longest."""
     for faces, seeds in {10: 4, 30: 4, 100: 3, 300: 2, 1000: 1}.items():
         yield _Family("ellipsoid", f"ellipsoid_{faces}", partial(ellipsoid_hull, faces), seeds)
     for shape, axes in {"flat": FLAT, "long": LONG}.items():
@@ -56,6 +58,15 @@ def _families() -> Iterator[_Family]:
         yield _Family("boxes_skew", f"boxes_skew_{number}", partial(boxes, number), 4)
         solid = partial(boxes, number, aligned=True)
         yield _Family("boxes_aligned", f"boxes_aligned_{number}", solid, 4)
+    for number, faces in ((3, 40), (6, 80)):
+        yield _Family("shells", f"shells_{number * faces}", partial(shells, number, faces), 3)
+    yield _Family("scan", "scan_16000", _scan, 3)
+    yield _Family("sphere", "sphere_20000", lambda _: round_body(20_000), 1)
+
+
+def _scan(seed: int) -> Array:
+    """An egg of a scan's size, with noise of a seventh of its facets' size."""
+    return round_body(16_000, (0.03, 0.04, 0.05 + 0.01 * seed), noise=1e-4, seed=seed)
 
 
 def models() -> list[Subject]:
@@ -67,11 +78,12 @@ def models() -> list[Subject]:
     return [Subject("models", file.parent.name, file, None) for file in files]
 
 
-def generated(folder: Path, most: int | None = None) -> list[Subject]:
+def generated(folder: Path, most: int | None = None, first_seed: int = 0) -> list[Subject]:
     """Generated solids, written to `folder` as meshes; at most `most` of each size."""
     subjects = []
     for family in _families():
-        for seed in range(min(family.num_seeds, most or family.num_seeds)):
+        num_seeds = min(family.num_seeds, most or family.num_seeds)
+        for seed in range(first_seed, first_seed + num_seeds):
             name = f"{family.name}_s{seed}"
             file = folder / f"{name}.obj"
             write_obj(file, family.solid(seed))

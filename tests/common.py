@@ -85,7 +85,10 @@ def random_rotations(num: int, rng: np.random.Generator) -> Array:
 
 
 def round_body(
-    num_facets: int, radii: tuple[float, float, float] = (0.05, 0.05, 0.05), noise: float = 0.0
+    num_facets: int,
+    radii: tuple[float, float, float] = (0.05, 0.05, 0.05),
+    noise: float = 0.0,
+    seed: int = 0,
 ) -> Array:
     """An ellipsoid of so many facets, an even number: vertices on a spiral, moved by noise [m].
 
@@ -98,7 +101,7 @@ def round_body(
     corners = ConvexHull(sphere).simplices
     inward = np.linalg.det(sphere[corners]) < 0
     corners[inward] = corners[inward, ::-1]
-    points = sphere * radii + noise * np.random.default_rng(0).normal(size=sphere.shape)
+    points = sphere * radii + noise * np.random.default_rng(seed).normal(size=sphere.shape)
     triangles: Array = points[corners]
     return triangles
 

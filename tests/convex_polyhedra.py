@@ -105,6 +105,19 @@ def boxes(num_boxes: int, seed: int, *, aligned: bool = False) -> Array:
     return (scaled @ turns.swapaxes(-1, -2)[:, None]).reshape(-1, 3, 3)
 
 
+def shells(num_shells: int, num_faces: int, seed: int) -> Array:
+    """Convex shells of `num_faces` triangles each that overlap along a bent line."""
+    rng = np.random.default_rng(seed)
+    centre, heading, found = np.zeros(3), np.array([1.0, 0.0, 0.0]), []
+    for k in range(num_shells):
+        semi_axes = tuple(rng.uniform(0.03, 0.06, 3))
+        turn = Rotation.random(random_state=seed + 1000 * k).as_matrix()
+        found.append(ellipsoid_hull(num_faces, seed + k, semi_axes) @ turn + centre)
+        heading = heading + rng.normal(scale=0.5, size=3)
+        centre = centre + 0.02 * heading / np.linalg.norm(heading)
+    return np.concatenate(found)
+
+
 def write_obj(path: Path, triangles: Array) -> None:
     """Writes `triangles` as a Wavefront OBJ, equal vertices welded."""
     vertices, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)

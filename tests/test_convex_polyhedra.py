@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from tests.convex_polyhedra import (
+    boxes,
+    ellipsoid_hull,
+    holed_prism,
+    prism,
+    shells,
+    tangent_polyhedron,
+)
 
 SEEDS = range(5)
 
@@ -98,3 +105,13 @@ def test_each_box_is_a_shell_around_the_common_point(aligned: bool, seed: int) -
         assert_closed(box)
         assert len(planes(box)) == 6
         assert (planes(box)[:, 3] > 0).all()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_each_shell_is_closed_and_the_next_begins_in_it(seed: int) -> None:
+    triangles = shells(4, 40, seed).reshape(4, 40, 3, 3)
+    centres = triangles.reshape(4, -1, 3).mean(axis=1)
+    for shell, next_centre in zip(triangles, [*centres[1:], centres[3]], strict=True):
+        assert_closed(shell)
+        about = shell - next_centre
+        assert (np.linalg.det(about) > 0).all()

@@ -7,8 +7,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 import shapely
-from solids import cube, solid
 
+from benchmarks import measure
+from benchmarks.peers import random_triples
+from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.geometry.seating import tip_fits
@@ -25,7 +27,8 @@ from drake_polygrasp.planning.search import (
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
 from drake_polygrasp.wrench import cone_wrenches, epsilon_upper_bound, force_closure, support
-from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism
+from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, shells
+from tests.solids import cube, solid
 
 NONE = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
 
@@ -136,3 +139,10 @@ def test_convex_objects_and_points_for_fingers_have_room_everywhere() -> None:
     holed = solid(holed_prism(6, 1, 0)).polyhedron
     regions = erode(holed)
     assert with_tip_room(regions, holed, 0.0) is regions
+
+
+def test_on_hundreds_of_faces_random_search_finds_much_worse() -> None:
+    object_ = solid(*shells(6, 80, 0).reshape(6, 80, 3, 3))
+    assert len(object_.polyhedron.faces) > 300
+    best = plan_grasps(object_, top=1).grasps[0].certificate.epsilon_lower
+    assert best > 1.3 * measure.search(object_, random_triples)["epsilon"]
