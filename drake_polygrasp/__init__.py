@@ -22,18 +22,24 @@ if TYPE_CHECKING:
     from drake_polygrasp.certification.in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.errors import GraspFileError, ModelError, PolygraspError, UsageError
     from drake_polygrasp.export import contact_poses, export_directives
+    from drake_polygrasp.gap import BetterGrasp, Gap, epsilon_gap
+    from drake_polygrasp.geometry.obstacles import Obstacles
     from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, GraspObject
     from drake_polygrasp.grasp_file import GraspFile, load_grasps, save_grasps
     from drake_polygrasp.loading.object_model import load_object
+    from drake_polygrasp.loading.plant_object import object_from_plant
+    from drake_polygrasp.loading.plant_obstacles import obstacles_from_plant
     from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
     from drake_polygrasp.systems import GraspForces
     from drake_polygrasp.verification import Report, verify_file
 
 __version__ = "0.1.0"
 __all__ = [
+    "BetterGrasp",
     "Certificate",
     "CertifiedGrasp",
     "Explanation",
+    "Gap",
     "Grasp",
     "GraspFile",
     "GraspFileError",
@@ -41,6 +47,7 @@ __all__ = [
     "GraspObject",
     "GraspPlan",
     "ModelError",
+    "Obstacles",
     "PlantReport",
     "PolygraspError",
     "Report",
@@ -48,10 +55,13 @@ __all__ = [
     "__version__",
     "certify_in_plant",
     "contact_poses",
+    "epsilon_gap",
     "explain_sets",
     "export_directives",
     "load_grasps",
     "load_object",
+    "object_from_plant",
+    "obstacles_from_plant",
     "plan_grasps",
     "save_grasps",
     "verify_file",
@@ -61,9 +71,13 @@ _HOMES = {
     "certification.in_plant": ("PlantReport", "certify_in_plant"),
     "errors": ("GraspFileError", "ModelError", "PolygraspError", "UsageError"),
     "export": ("contact_poses", "export_directives"),
+    "gap": ("BetterGrasp", "Gap", "epsilon_gap"),
+    "geometry.obstacles": ("Obstacles",),
     "grasp": ("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
     "grasp_file": ("GraspFile", "load_grasps", "save_grasps"),
     "loading.object_model": ("load_object",),
+    "loading.plant_object": ("object_from_plant",),
+    "loading.plant_obstacles": ("obstacles_from_plant",),
     "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
     "systems": ("GraspForces",),
     "verification": ("Report", "verify_file"),

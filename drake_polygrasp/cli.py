@@ -21,7 +21,9 @@ from drake_polygrasp.command_line import make_parser
 from drake_polygrasp.errors import PolygraspError, UsageError
 
 if TYPE_CHECKING:
+    from drake_polygrasp.gap import Gap
     from drake_polygrasp.grasp import GraspObject
+    from drake_polygrasp.pipeline import GraspPlan
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: all that was asked for holds; something does not, or nothing was found; the input or
@@ -87,6 +89,8 @@ def _load(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
         body_name=arguments.body,
         mu=arguments.mu,
         package_paths=arguments.package_path,
+        patch_angle=arguments.patch_angle,
+        patch_depth=arguments.patch_depth,
     )
     _warn(object_.warnings)
     return object_, seconds
@@ -99,8 +103,10 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
     object_, load_seconds = _load(arguments)
 
     from drake_polygrasp.grasp_file import grasp_document, save_grasps
-    from drake_polygrasp.tables import no_grasp_message, plan_table
+    from drake_polygrasp.tables import gap_document, gap_lines, no_grasp_message, plan_table
 
+    if arguments.gap is not None:
+        call_in_child("drake_polygrasp.gap:require_planar", object_)
     plan, _ = call_in_child(
         "drake_polygrasp.pipeline:plan_grasps",
         object_,
@@ -110,6 +116,8 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
         rank=arguments.rank,
         edge_clearance=arguments.edge_clearance,
         tip_radius=arguments.tip_radius,
+        avoid_directions=arguments.avoid_direction,
+        exclude_faces=arguments.exclude_faces,
     )
     if plan.grasps:
         # Without it, the friction stated here would look better than the model's.
@@ -117,21 +125,37 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
         save_grasps(output, object_, plan.grasps, plan.settings | override)
     else:
         _complain(no_grasp_message(arguments.model, object_, plan, output), FAILED)
+    gap = None if arguments.gap is None else _gap(arguments, object_, plan)
     code = DONE if plan.grasps else FAILED
     if not arguments.json:
-        return code, plan_table(arguments.model, object_, plan, output) if plan.grasps else ""
+        table = [plan_table(arguments.model, object_, plan, output)] if plan.grasps else []
+        return code, "\n".join(table + (gap_lines(gap) if gap else []))
     return code, _json(
         {
             "model": arguments.model,
             "num_faces": len(object_.polyhedron.faces),
+            "excluded_faces": plan.excluded_faces,
             "num_sets": plan.num_sets,
             "num_certified": plan.num_certified,
             "seconds": {"load": load_seconds, **plan.seconds},
             "reasons": plan.reasons,
             "output": str(output) if plan.grasps else None,
             "grasps": [grasp_document(grasp) for grasp in plan.grasps],
+            **({"gap": gap_document(gap)} if gap else {}),
         }
     )
+
+
+def _gap(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -> Gap:
+    gap: Gap
+    gap, _ = call_in_child(
+        "drake_polygrasp.gap:epsilon_gap",
+        object_,
+        plan,
+        task=Task(f"bounding grasps of {arguments.model}"),
+        **({"nodes": arguments.gap} if arguments.gap else {}),
+    )
+    return gap
 
 
 def _default_output(model: str) -> Path:
@@ -181,13 +205,16 @@ def _explain(arguments: argparse.Namespace) -> tuple[int, str]:
         method=arguments.method,
         edge_clearance=arguments.edge_clearance,
         tip_radius=arguments.tip_radius,
+        avoid_directions=arguments.avoid_direction,
+        exclude_faces=arguments.exclude_faces,
     )
     document = explain_document(arguments.model, object_, explanation, arguments.set)
     if arguments.figure is not None:
-        from drake_polygrasp.visualization.figures import draw_explanation, save_figure
+        from drake_polygrasp.visualization.explanation import draw_explanation
+        from drake_polygrasp.visualization.figures import save_figure
 
         figure = draw_explanation(
-            object_, explanation.counts, arguments.set, arguments.edge_clearance
+            object_, explanation, arguments.set, arguments.edge_clearance, arguments.tip_radius
         )
         save_figure(figure, arguments.figure)
     table = one_set_table if arguments.set else all_sets_table
@@ -222,8 +249,9 @@ def _show(arguments: argparse.Namespace) -> tuple[int, str]:
     if arguments.html is not None:
         write_page(exhibit, arguments.html, PurePath(name).name)
         return code, f"wrote {arguments.html}"
-    for line in serve(exhibit):
-        code = _print(code, line)
+    with suppress(KeyboardInterrupt):
+        for line in serve(exhibit):
+            code = _print(code, line)
     return code, ""
 
 

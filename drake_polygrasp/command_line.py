@@ -82,6 +82,37 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
         help="radius of the fingertips that need room [m] (default: 2 percent of the object's "
         "diameter; 0: points)",
     )
+    parser.add_argument(
+        "--avoid-direction",
+        metavar=("X", "Y", "Z"),
+        nargs=3,
+        type=_component,
+        action="append",
+        default=[],
+        help="no contact where the outward normal is within 45 degrees of this vector in the "
+        "body's frame: 0 0 -1 for what stands on a table (may be repeated)",
+    )
+    parser.add_argument(
+        "--exclude-faces",
+        metavar="I,J,K",
+        type=_faces,
+        default=(),
+        help="no contact on the faces of these indices, as explain and plan number them",
+    )
+    parser.add_argument(
+        "--patch-angle",
+        metavar="RAD",
+        type=_angle,
+        help="how far normals lean within a patch of a curved or noisy surface [rad] (default: "
+        "0.21, 12 degrees)",
+    )
+    parser.add_argument(
+        "--patch-depth",
+        metavar="M",
+        type=_depth,
+        help="how far facets lie off the plane of their patch [m] (default: 0.5 percent of the "
+        "object's diameter)",
+    )
 
 
 def _add_plan(commands: Any) -> None:
@@ -98,6 +129,16 @@ def _add_plan(commands: Any) -> None:
         "--rank",
         choices=("epsilon", "margin", "Q"),
         help="what puts one grasp before another (default: epsilon; Q for --method paper)",
+    )
+    parser.add_argument(
+        "--gap",
+        metavar="NODES",
+        nargs="?",
+        type=_count,
+        const=0,
+        help="say too how near the best grasp is to the best possible one, by branch and bound "
+        "over so many pieces of the faces (default: 100000, about a minute); for bodies without "
+        "curved or noisy surfaces",
     )
     parser.add_argument(
         "-o",
@@ -208,14 +249,45 @@ def _length(text: str) -> float:
     return _number(text, MAX_LENGTH)
 
 
+def _depth(text: str) -> float:
+    depth = _length(text)
+    if depth == 0:
+        raise argparse.ArgumentTypeError("facets of a curve lie off its patch; more than 0")
+    return depth
+
+
+def _angle(text: str) -> float:
+    angle = _number(text, math.pi / 2)
+    if not 0 < angle < math.pi / 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is not above 0 and below pi/2")
+    return angle
+
+
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")
     return int(text)
 
 
-def _face_set(text: str) -> tuple[int, ...]:
+def _component(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return number
+
+
+def _faces(text: str) -> tuple[int, ...]:
     indices = text.split(",")
-    if len(indices) not in (2, 3) or not all(i.isascii() and i.isdigit() for i in indices):
-        raise argparse.ArgumentTypeError(f"{text!r} is not I,J or I,J,K, indices of faces")
+    if not all(i.isascii() and i.isdigit() for i in indices):
+        raise argparse.ArgumentTypeError(f"{text!r} is not I,J,K, indices of faces")
     return tuple(sorted(int(i) for i in indices))
+
+
+def _face_set(text: str) -> tuple[int, ...]:
+    faces = _faces(text)
+    if len(faces) not in (2, 3):
+        raise argparse.ArgumentTypeError(f"{text!r} is not I,J or I,J,K, indices of faces")
+    return faces

@@ -6,17 +6,15 @@ from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.certification.certify import Proof, certify, prove_many
 from drake_polygrasp.certification.wrench_space import Interval, epsilon_interval
-from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
-from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
+from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE, Regions
+from drake_polygrasp.geometry.seating import edge_distance, face_of, least_tip, seat, tip_fits
 from drake_polygrasp.grasp import (
     CertifiedGrasp,
     Grasp,
-    GraspObject,
     GraspPlane,
     Kind,
     Quality,
@@ -29,14 +27,13 @@ from drake_polygrasp.planning.planner import (
     EQUAL_QUALITY,
     UNJUDGED,
     Candidates,
-    Method,
     SetPlan,
     has_contacts,
 )
 from drake_polygrasp.planning.search import Triples, sets_of
+from drake_polygrasp.task import Codes, Task, rows_of
 from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
 
-Codes = npt.NDArray[np.int8]
 KINDS: tuple[Kind, ...] = ("three_faces", "three_parallel_faces", "two_faces")
 
 _OUTCOME = {
@@ -50,9 +47,7 @@ _OUTCOME = {
 class Contenders:
     """Candidate grasps; `outcome` alone changes, as they are judged."""
 
-    object_: GraspObject
-    method: Method
-    regions: Regions
+    task: Task
     plan: SetPlan
     candidates: Candidates
     """With contacts moved to the true surface; q is NaN where the paper's stages give none."""
@@ -63,7 +58,6 @@ class Contenders:
     """Position in KINDS."""
     outcome: Codes
     """Position in REASONS of each candidate; UNJUDGED where it may still hold."""
-    tip_radius: float
 
     @property
     def contacts(self) -> tuple[Array, Array, Array]:
@@ -77,23 +71,15 @@ class Contenders:
         behind them and no more friction than is there.
         """
         p_BC, nhat_TB_B, mu = self.contacts
-        faces = self.object_.polyhedron.faces
-        found = face_of(
-            self.object_.polyhedron, p_BC[rows].reshape(-1, 3), nhat_TB_B[rows].reshape(-1, 3)
-        ).reshape(-1, 3)
-        there = np.append([face.mu for face in faces], -np.inf)[found]
-        touches = np.logical_and.reduce(mu[rows] <= there, axis=1)
-        self.outcome[rows[~touches]] = CODE["off_face"]
-        rows = rows[touches]
-        fits = tip_fits(
-            self.object_.polyhedron,
-            p_BC[rows].reshape(-1, 3),
-            nhat_TB_B[rows].reshape(-1, 3),
-            self.tip_radius,
-        )
-        fits = np.logical_and.reduce(fits.reshape(-1, 3), axis=1)
-        self.outcome[rows[~fits]] = CODE["tip_blocked"]
-        rows = rows[fits]
+        found = face_of(self.task.object_.polyhedron, *self._flat(rows)).reshape(-1, 3)
+        there = np.append([face.mu for face in self.task.object_.polyhedron.faces], -np.inf)[found]
+        rows = self._passed(rows, mu[rows] <= there, "off_face")
+        for reason, passes in (
+            ("excluded", self._allowed),
+            ("tip_blocked", self._fits),
+            ("obstructed", self._is_clear),
+        ):
+            rows = self._passed(rows, passes(*self._flat(rows)), reason)
         proofs = prove_many(p_BC[rows], nhat_TB_B[rows], mu[rows])
         self.outcome[rows] = [_OUTCOME[proof.verdict] for proof in proofs]
         return {
@@ -101,6 +87,35 @@ class Contenders:
             for row, proof in zip(rows, proofs, strict=True)
             if proof.verdict is Verdict.HOLDS
         }
+
+    def _flat(self, rows: Ints) -> tuple[Array, Array]:
+        """The contacts of some candidates, one row a contact."""
+        return self.candidates.p_BC[rows].reshape(-1, 3), self.nhat_TB_B[rows].reshape(-1, 3)
+
+    def _passed(self, rows: Ints, passes: Bools, reason: str) -> Ints:
+        """The rows all of whose contacts pass; to the rest, it becomes their reason."""
+        whole = np.logical_and.reduce(passes.reshape(-1, 3), axis=1)
+        self.outcome[rows[~whole]] = CODE[reason]
+        return rows[whole]
+
+    def _allowed(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
+        """On curved surfaces, whose faces are patches, the true normals decide."""
+        if not self.task.exclusion:
+            return np.ones(len(p_BC), dtype=bool)
+        face = face_of(self.task.object_.polyhedron, p_BC, nhat_TB_B)
+        return ~self.task.exclusion.avoids(nhat_TB_B, face)
+
+    def _fits(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
+        return tip_fits(self.task.object_.polyhedron, p_BC, nhat_TB_B, self.task.tip_radius)
+
+    def _is_clear(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
+        """Whether no obstacle is where a tip would be, or within a crack's width of a point."""
+        if self.task.obstacles is None:
+            return np.ones(len(p_BC), dtype=bool)
+        polyhedron = self.task.object_.polyhedron
+        tip_radius = least_tip(polyhedron, self.task.tip_radius)
+        reach = tip_radius - 2 * FLATNESS * polyhedron.diameter
+        return ~self.task.obstacles.block(p_BC - tip_radius * nhat_TB_B, reach)
 
     def judge_best(self, rows: Ints, score: Array, wanted: int) -> dict[int, Proof]:
         """Judges candidates of best score until `wanted` sets hold and the next score is less.
@@ -127,12 +142,12 @@ class Contenders:
     def epsilon(self, row: int, at_least: float) -> Interval:
         """Bounds of a candidate's epsilon, close ones only if it reaches `at_least`."""
         p_BC, nhat_TB_B, mu = (values[row] for values in self.contacts)
-        scale = self.object_.p_BBcm, self.object_.rho
+        scale = self.task.object_.p_BBcm, self.task.object_.rho
         return epsilon_interval(p_BC, nhat_TB_B, mu, *scale, at_least=at_least)
 
     def certified(self, row: int, proof: Proof, epsilon: Interval | None = None) -> CertifiedGrasp:
         """A proved candidate with its certificate."""
-        rows, object_ = self.candidates, self.object_
+        rows, object_ = self.candidates, self.task.object_
         a, b, c = self.face[row].tolist()
         grasp = Grasp(
             frozen(rows.p_BC[row]),
@@ -160,7 +175,7 @@ class Contenders:
         q_1, q_2, q_3, q_4, q_5 = q = self.candidates.q[row].tolist()
         if np.isnan(q).any():
             return None
-        scale: Literal["paper", "object"] = "paper" if self.method == "paper" else "object"
+        scale: Literal["paper", "object"] = "paper" if self.task.method == "paper" else "object"
         return Quality(scale, float(self.candidates.Q[row]), (q_1, q_2, q_3, q_4, q_5))
 
     def set_codes(self) -> Codes:
@@ -178,23 +193,16 @@ class Contenders:
         return code
 
 
-def contenders(
-    object_: GraspObject,
-    method: Method,
-    regions: Regions,
-    plan: SetPlan,
-    triples: Triples | None,
-    tip_radius: float,
-) -> Contenders:
+def contenders(task: Task, plan: SetPlan, triples: Triples | None) -> Contenders:
     """All that was constructed, and triples of the plan's sets, as far as the closed form."""
-    rows = plan.candidates
+    polyhedron, regions, rows = task.object_.polyhedron, task.regions, plan.candidates
     if triples is not None:
         rows = _joined(rows, _candidates_of(regions, plan, triples))
     face, mu = regions.face[rows.region], regions.mu[rows.region]
     built = has_contacts(rows.p_BC)
     outcome = np.where(built, UNJUDGED, plan.code[rows.set_index]).astype(np.int8)
     p_BC, nhat_TB_B = rows.p_BC.copy(), regions.nhat_TB_B[rows.region]
-    seats = seat(object_.polyhedron, p_BC[built].reshape(-1, 3), face[built].ravel())
+    seats = seat(polyhedron, p_BC[built].reshape(-1, 3), face[built].ravel())
     p_BC[built] = seats.p_BC.reshape(-1, 3, 3)
     nhat_TB_B[built] = seats.nhat_TB_B.reshape(-1, 3, 3)
     on_surface = np.zeros(len(built), dtype=bool)
@@ -207,11 +215,9 @@ def contenders(
     outcome[alive[~holds]] = CODE["not_force_closure"]
     distinct = 1 + (np.diff(np.sort(face, axis=1), axis=1) > 0).sum(axis=1)
     kind = np.where(distinct == 2, 2, rows.is_parallel)
-    nhat_B, p_BP = _planes_of(p_BC, rows, LENGTH_TOLERANCE * object_.polyhedron.diameter)
+    nhat_B, p_BP = _planes_of(p_BC, rows, LENGTH_TOLERANCE * polyhedron.diameter)
     seated = Candidates(rows.set_index, rows.region, rows.is_parallel, p_BC, nhat_B, p_BP, rows.q)
-    return Contenders(
-        object_, method, regions, plan, seated, nhat_TB_B, mu, face, kind, outcome, tip_radius
-    )
+    return Contenders(task, plan, seated, nhat_TB_B, mu, face, kind, outcome)
 
 
 def _planes_of(p_BC: Array, rows: Candidates, slack: float) -> tuple[Array, Array]:
@@ -255,12 +261,3 @@ def _candidates_of(regions: Regions, plan: SetPlan, triples: Triples) -> Candida
         has_quality = sets[position] == index
         q[has_quality] = plan.candidates.q[row[position[has_quality]]]
     return Candidates(index, region, is_parallel, p_BC, plane_normal(p_BC), p_BC.mean(axis=1), q)
-
-
-def rows_of(sets: Ints, wanted: Ints) -> Ints:
-    """Where each wanted set is among the sets, which hold it."""
-    weights = (int(sets.max(initial=0)) + 2) ** np.arange(3)[::-1]
-    keys = (sets + 1) @ weights
-    order = np.argsort(keys, kind="stable")
-    rows: Ints = order[np.searchsorted(keys[order], (wanted + 1) @ weights)]
-    return rows

@@ -37,6 +37,9 @@ class ModelSource:
     """Hex digest over the digests of the model file, its included files and collision meshes."""
     model_name: str
     body_name: str
+    patch_angle: float | None = None
+    """What patches of its surface were asked for, as of `load_object`; None for the default."""
+    patch_depth: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,13 +105,16 @@ class Certificate:
     margin: float
     """In (0, 1]: attained by `internal_force`."""
     mu_min: float
+    """The grasp still holds when friction drops, by one factor, until the greatest is this."""
     mu_min_internal_force: Array
+    """What proves it then [1/m], shape (3,)."""
     epsilon_lower: float
+    """Bounds of the largest wrench withstood in every direction by unit total normal force."""
     epsilon_upper: float
     placement_tolerance: float
-    """[m]: all three contacts may move at once by less than this along their faces."""
+    """All three contacts may move at once by less than this along their faces [m]."""
     tilt_tolerance: float
-    """[rad]: all three normals may tilt at once by less than this."""
+    """All three normals may tilt at once by less than this [rad]."""
     friction_tolerance: float
     """All three friction coefficients may drop at once by less than this."""
     squeeze_force: float | None = field(default=None)

@@ -31,6 +31,7 @@ from drake_polygrasp.grasp import (
     Quality,
 )
 from drake_polygrasp.plain_yaml import Block, read_mapping
+from drake_polygrasp.plan_settings import read_settings
 from drake_polygrasp.wrench import edge_forces
 
 FORMAT = "drake_polygrasp/grasps"
@@ -50,6 +51,9 @@ class StatedObject:
     p_BBcm: Array
     rho: float
     num_faces: int
+    patch_angle: float | None = None
+    """What the model is loaded with, None for the default; see `load_object`."""
+    patch_depth: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +109,10 @@ def save_grasps(
     """
     path = Path(path)
     if object_.source is None:
-        raise GraspFileError(f"{path}: a grasp file names its model, and this object has none")
+        raise GraspFileError(
+            f"{path}: a grasp file names its model, and this object came from none; give "
+            "object_from_plant the body's model_file"
+        )
     document = {
         "format": FORMAT,
         "version": VERSION,
@@ -169,11 +176,12 @@ def load_grasps(path: Path | str) -> GraspFile:
         raise GraspFileError(
             f"{path}: version is {version}; this drake_polygrasp reads version {VERSION}"
         )
+    object_ = _read_object(root.block("object"))
     return GraspFile(
         path=path,
-        object_=_read_object(root.block("object")),
+        object_=object_,
         grasps=tuple(_read_grasp(block) for block in root.blocks("grasps")),
-        plan=_read_plan(root.block("plan")) if "plan" in root.data else {},
+        plan=read_settings(root.block("plan"), object_.num_faces) if "plan" in root.data else {},
         generator=root.block("generator").data,
     )
 
@@ -200,7 +208,8 @@ def _object_document(object_: GraspObject, source: ModelSource, folder: Path) ->
             "num_faces": len(object_.polyhedron.faces),
         }
     )
-    return document
+    asked = {"patch_angle": source.patch_angle, "patch_depth": source.patch_depth}
+    return document | {key: float(value) for key, value in asked.items() if value is not None}
 
 
 def _plain(value: Any) -> Any:
@@ -233,15 +242,6 @@ def _write_whole(path: Path, text: str) -> None:
         scratch.unlink(missing_ok=True)
 
 
-def _read_plan(block: Block) -> dict[str, Any]:
-    """Settings of any kind, but for those that a verification goes by."""
-    if "mu" in block.data:
-        block.number("mu", "positive")
-    if "tip_radius" in block.data:
-        block.number("tip_radius", "zero or positive")
-    return block.data
-
-
 def _read_object(block: Block) -> StatedObject:
     sha256 = block.text("sha256")
     if not re.fullmatch("[0-9a-f]{64}", sha256):
@@ -255,7 +255,18 @@ def _read_object(block: Block) -> StatedObject:
         p_BBcm=block.vector("p_BBcm"),
         rho=block.number("rho", "positive"),
         num_faces=block.integer("num_faces"),
+        patch_angle=_read_patch_tolerance(block, "patch_angle", below=math.pi / 2),
+        patch_depth=_read_patch_tolerance(block, "patch_depth", below=math.inf),
     )
+
+
+def _read_patch_tolerance(block: Block, key: str, below: float) -> float | None:
+    if key not in block.data:
+        return None
+    tolerance = block.number(key, "positive")
+    if tolerance >= below:
+        raise block.refuse(key, f"a number below {below:.3g}")
+    return tolerance
 
 
 def _read_grasp(block: Block) -> StatedGrasp:

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import comb
 from time import perf_counter
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof
-from drake_polygrasp.certification.wrench_space import Interval
-from drake_polygrasp.contenders import KINDS, Codes, Contenders, contenders, rows_of
+from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
+from drake_polygrasp.contenders import KINDS, Contenders, contenders
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.geometry.polyhedron import (
-    CLEARANCE_OF_INRADIUS,
-    DEFAULT_CLEARANCE,
-    Regions,
-    erode,
-)
+from drake_polygrasp.geometry.obstacles import Obstacles
+from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.planner import (
@@ -29,7 +26,6 @@ from drake_polygrasp.planning.planner import (
     Method,
     SetPlan,
     has_contacts,
-    plan_sets,
 )
 from drake_polygrasp.planning.search import (
     POINTS,
@@ -41,12 +37,11 @@ from drake_polygrasp.planning.search import (
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
 from drake_polygrasp.planning.variants import Steps, improved_triples, place_in_set
+from drake_polygrasp.task import Task, make_task, rows_of
 from drake_polygrasp.wrench import epsilon_upper_bound, force_closure
 
 Rank = Literal["epsilon", "margin", "Q"]
 
-TIP_RADIUS = 0.02
-"""Default fingertip radius times the diameter L, ours."""
 SETS_OF_A_KIND = 10
 """Sets of each kind that are proved at least to be ranked by margin, ours: Q favours two-face
 sets, though three faces hold best on most objects without parallel faces."""
@@ -86,6 +81,8 @@ class GraspPlan:
     """What it takes to repeat the plan, for the grasp file."""
     mu_needed: float | None
     """Without a certified grasp: the friction above which some set would pass orientation."""
+    excluded_faces: tuple[int, ...] = ()
+    """Faces whose every set is excluded, ascending."""
 
     @property
     def num_certified(self) -> int:
@@ -103,6 +100,8 @@ class Explanation:
     """One of planner.REASONS each, never "not_evaluated"."""
     counts: dict[str, int]
     mu_needed: float | None
+    excluded_faces: tuple[int, ...] = ()
+    """Faces whose every set is excluded, ascending."""
 
 
 def plan_grasps(
@@ -113,6 +112,9 @@ def plan_grasps(
     rank: Rank | None = None,
     edge_clearance: float | None = None,
     tip_radius: float | None = None,
+    avoid_directions: Iterable[npt.ArrayLike] = (),
+    exclude_faces: Iterable[int] = (),
+    obstacles: Obstacles | None = None,
     steps: Steps | None = None,
 ) -> GraspPlan:
     """Plans grasps of an object and proves every one that it returns.
@@ -126,6 +128,12 @@ def plan_grasps(
         edge_clearance: least distance of a contact from its face's edges [m] (default: 0.01 L or
             a fifth of the face's inradius, whichever is less).
         tip_radius: fingertips of this radius [m] must fit (default: 0.02 L; 0: points).
+        avoid_directions: vectors in B, shape (3,) each; no contact is where the outward normal is
+            within 45 degrees of one: (0, 0, -1) avoids the underside of what stands on a table.
+        exclude_faces: indices of faces that have no contact. Patches of a curved surface overlap;
+            there, directions are the surer way.
+        obstacles: what fingertips must not penetrate beside the object; see
+            `obstacles_from_plant`.
         steps: what "enriched" does beyond the paper (default: all).
 
     Raises:
@@ -137,7 +145,9 @@ def plan_grasps(
         raise UsageError(f"top is {top}; it must be at least 1")
     if rank not in ("epsilon", "margin", "Q"):
         raise UsageError(f"rank is {rank!r}; it must be 'epsilon', 'margin' or 'Q'")
-    task = _task(object_, method, edge_clearance, tip_radius)
+    task = make_task(
+        object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
+    )
     steps = steps or Steps()
     if method == "enriched" and rank == "epsilon":
         work = _enriched(task, steps)
@@ -149,16 +159,14 @@ def plan_grasps(
     planned = perf_counter()
     grasps = _certified(work, proofs, order, rank, top)
     certified = perf_counter()
-    code = work.set_codes()
-    n = len(task.regions.face)
-    num_sets = comb(n, 3) + comb(n, 2)
     return GraspPlan(
         grasps,
-        num_sets,
-        _counts(code, num_sets),
+        task.num_sets,
+        task.counts(work.set_codes()),
         {"plan": planned - start, "certify": certified - planned},
         task.settings | {"rank": rank, "top": top},
         None if grasps else least_opposing_friction(task.regions.nhat_TB_B),
+        task.excluded_faces,
     )
 
 
@@ -168,12 +176,17 @@ def explain_sets(
     method: Method = "enriched",
     edge_clearance: float | None = None,
     tip_radius: float | None = None,
+    avoid_directions: Iterable[npt.ArrayLike] = (),
+    exclude_faces: Iterable[int] = (),
+    obstacles: Obstacles | None = None,
 ) -> Explanation:
     """Follows every set of faces through the paper's stages; arguments as of `plan_grasps`.
 
     Sets that only `plan_grasps` finds a grasp for, beyond the paper, are certified too.
     """
-    task = _task(object_, method, edge_clearance, tip_radius)
+    task = make_task(
+        object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
+    )
     work = _constructed(task, Steps())
     work.judge(np.flatnonzero(work.outcome == UNJUDGED))
     code = work.set_codes()
@@ -182,81 +195,30 @@ def explain_sets(
         _judged_by_bound(beyond, SETS_OF_A_KIND + SPARE)
         found = beyond.plan.sets[beyond.set_codes() == CODE["certified"]]
         code[rows_of(work.plan.sets, found)] = CODE["certified"]
+    counts = task.counts(code)
+    sets, code = task.with_excluded(work.plan.sets, code)
     # A pair's third region, -1, becomes face -1.
-    faces = np.append(task.regions.face, -1)[work.plan.sets]
-    counts = _counts(code, len(code))
+    faces = np.append(task.every_face, -1)[sets]
     return Explanation(
         frozen(faces, np.int64),
         [REASONS[c] for c in code],
         counts,
         None if counts.get("certified") else least_opposing_friction(task.regions.nhat_TB_B),
+        task.excluded_faces,
     )
 
 
-def _counts(code: Codes, num_sets: int) -> dict[str, int]:
-    """How many sets ended with each reason; those without a code were not evaluated."""
-    counts = np.bincount(code, minlength=len(REASONS))
-    counts[UNJUDGED] += num_sets - len(code)
-    return {reason: int(n) for reason, n in zip(REASONS, counts, strict=True) if n}
-
-
-@dataclass(frozen=True, eq=False)
-class _Task:
-    """What to plan for, checked."""
-
-    object_: GraspObject
-    method: Method
-    regions: Regions
-    tip_radius: float
-    settings: dict[str, Any]
-
-    def plan(self, steps: Steps, chosen: Ints | None = None) -> SetPlan:
-        """The paper's stages on all sets or on chosen ones."""
-        L = self.object_.polyhedron.diameter
-        return plan_sets(
-            self.regions,
-            self.object_.p_BBcm,
-            L,
-            self.object_.rho,
-            self.method,
-            spread=steps.spread,
-            chosen=chosen,
-        )
-
-
-def _task(
-    object_: GraspObject, method: Method, edge_clearance: float | None, tip_radius: float | None
-) -> _Task:
-    if method not in get_args(Method):
-        raise UsageError(f"method is {method!r}; it must be one of {', '.join(get_args(Method))}")
-    for name, length in (("edge_clearance", edge_clearance), ("tip_radius", tip_radius)):
-        if length is not None and not 0 <= length < np.inf:
-            raise UsageError(f"{name} is {length}; it must be a length in metres, 0 or more")
-    L = object_.polyhedron.diameter
-    tip = TIP_RADIUS * L if tip_radius is None else tip_radius
-    settings: dict[str, Any] = {
-        "method": method,
-        "edge_clearance": DEFAULT_CLEARANCE * L if edge_clearance is None else edge_clearance,
-        "tip_radius": tip,
-    }
-    if edge_clearance is None:
-        settings["edge_clearance_share_of_inradius"] = CLEARANCE_OF_INRADIUS
-    return _Task(object_, method, erode(object_.polyhedron, edge_clearance), tip, settings)
-
-
-def _constructed(task: _Task, steps: Steps) -> Contenders:
+def _constructed(task: Task, steps: Steps) -> Contenders:
     """The paper's stages on every set."""
-    return contenders(
-        task.object_, task.method, task.regions, task.plan(steps), None, task.tip_radius
-    )
+    return contenders(task, task.plan(steps), None)
 
 
-def _enriched(task: _Task, steps: Steps) -> Contenders:
+def _enriched(task: Task, steps: Steps) -> Contenders:
     """The paper's constructions, triples of sample points, and the best of both improved."""
     regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
     if not (steps.search or steps.improve):
         return _constructed(task, steps)
-    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius)
+    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
     none = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
     if steps.search and len(regions.face) > MANY_REGIONS:
         num_points = int(POINTS_A_REGION * len(regions.face))
@@ -270,7 +232,7 @@ def _enriched(task: _Task, steps: Steps) -> Contenders:
         found = best_triples(clear, known, *scale, POINTS) if steps.search else none
     triples = joined(known, found)
     better = improved_triples(clear, triples, *scale) if steps.improve else found
-    return contenders(task.object_, task.method, regions, plan, better, task.tip_radius)
+    return contenders(task, plan, better)
 
 
 def _known(regions: Regions, plan: SetPlan) -> Triples:
@@ -309,7 +271,7 @@ def _judged_by_bound(work: Contenders, wanted: int) -> dict[int, Proof]:
 
 def _bound(work: Contenders, rows: Ints) -> Array:
     p_BC, nhat_TB_B, mu = (values[rows] for values in work.contacts)
-    object_ = work.object_
+    object_ = work.task.object_
     return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho, refine=False)
 
 
@@ -341,14 +303,14 @@ def _certified(
     """The `top` best with their certificates.
 
     The score of rank "epsilon" is an upper bound: candidates are measured until none of the rest
-    can win.
+    can win by more than the intervals are wide.
     """
     if rank != "epsilon":
         return tuple(work.certified(entry.row, proofs[entry.row]) for entry in ranked[:top])
     found: list[tuple[_Ranked, Interval]] = []
     for entry in ranked:
         least = sorted(-e.score for e, _ in found)[-top] if len(found) >= top else -np.inf
-        if -entry.score <= least:
+        if -entry.score * (1.0 - RELATIVE_GAP) <= least:
             break
         epsilon = work.epsilon(entry.row, at_least=least)
         found.append((replace(entry, score=-round(epsilon.lower, 9)), epsilon))

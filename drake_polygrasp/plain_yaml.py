@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import yaml
 
 from drake_polygrasp.arrays import Array, frozen
@@ -150,16 +151,27 @@ class Block:
             raise self.refuse(key, f"a list of {length} finite numbers")
         return frozen(numbers)
 
+    def items(self, key: str) -> list[Any]:
+        """A list of anything."""
+        value = self.get(key)
+        if not isinstance(value, list):
+            raise self.refuse(key, "a list")
+        return value
+
+    def vectors(self, key: str) -> Array:
+        """A list of three finite numbers each, shape (n, 3)."""
+        rows = {f"{key}[{i}]": row for i, row in enumerate(self.items(key))}
+        block = Block(rows, self.where)
+        return frozen(np.reshape([block.vector(name) for name in rows], (-1, 3)))
+
     def block(self, key: str) -> Block:
         """A mapping in this one."""
         return Block(self.get(key), f"{self.where}{key}.")
 
     def blocks(self, key: str) -> list[Block]:
         """A list of mappings."""
-        value = self.get(key)
-        if not isinstance(value, list):
-            raise self.refuse(key, "a list")
-        return [Block(item, f"{self.where}{key}[{i}].") for i, item in enumerate(value)]
+        items = enumerate(self.items(key))
+        return [Block(item, f"{self.where}{key}[{i}].") for i, item in items]
 
 
 def _shown(value: object) -> str:

@@ -23,13 +23,13 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
     up to the squeeze, those farthest inside.
 
     Input ports:
-        body_poses: the plant's output port of that name.
-        load_W: force on the object [N] and torque about its centre of mass [N m], expressed in W,
-            size 6; the weight is part of it. Not connected, it is zero.
+        - body_poses: the plant's output port of that name.
+        - load_W: force on the object [N] and torque about its centre of mass [N m], expressed in
+          W, size 6; the weight is part of it. Not connected, it is zero.
 
     Output ports:
-        applied_spatial_force: for the plant's input port of that name.
-        holds: 1, or 0 where no contact forces cancel the load; then the squeeze alone is applied.
+        - applied_spatial_force: for the plant's input port of that name.
+        - holds: 1, or 0 where no contact forces cancel the load; then the squeeze alone is applied.
     """
 
     def __init__(

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 from drake_polygrasp.errors import UsageError
 
 if TYPE_CHECKING:
+    from drake_polygrasp.gap import Gap
     from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
     from drake_polygrasp.pipeline import Explanation, GraspPlan
     from drake_polygrasp.verification import GraspReport, Report
 
 MEANING = {
     "certified": ("all", "a grasp was built and proved"),
+    "excluded": ("faces", "a face, or the surface at a contact, is one to avoid"),
     "orientation": ("faces (4)", "the normals cannot oppose each other with this friction"),
     "rl_empty": ("faces (4)", "no point lies over all three along their normals (R^l is empty)"),
     "rs_empty": ("faces (4, 5)", "no height is common to the faces (R^s is empty)"),
@@ -24,12 +26,15 @@ MEANING = {
     "off_face": ("contacts (7)", "a contact would lie off its face"),
     "wrong_order": ("contacts (7)", "the lone contact would not lie between the other two"),
     "collinear": ("contacts (7)", "the contacts would lie on one line"),
-    "tip_blocked": ("fingertips", "a fingertip has no room"),
+    "tip_blocked": ("fingertips", "a fingertip has no room beside the object itself"),
+    "obstructed": ("fingertips", "an obstacle is where a fingertip would be"),
     "not_force_closure": ("proof", "the contacts do not hold the object"),
     "undecided": ("proof", "neither proved to hold nor proved not to"),
     "not_evaluated": ("search", "cannot be among the best, so it was not evaluated"),
 }
 """What ended a set of faces: the step, with its section in the paper, and a sentence."""
+MOST_NAMED = 12
+"""Faces that a line names by their indices, ours; of more it tells how many."""
 
 
 def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
@@ -39,12 +44,24 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
     rows = [_grasp_row(rank, grasp) for rank, grasp in enumerate(plan.grasps, start=1)]
     return "\n".join(
         [
-            f"{model}: {len(object_.polyhedron.faces)} faces, {plan.num_sets} sets of faces, "
+            f"{_head(model, len(object_.polyhedron.faces), plan.excluded_faces, plan.num_sets)}, "
             f"{plan.num_certified} certified",
             *_aligned([header, units, *rows]),
+            *_placement_note(object_, plan.grasps),
             f"wrote {output}",
         ]
     )
+
+
+def _placement_note(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> list[str]:
+    """Why placement tolerances are small where contacts are on patches."""
+    faces = object_.polyhedron.faces
+    if not any(faces[k].reach > 0 for certified in grasps for k in certified.grasp.faces):
+        return []
+    return [
+        "placement is promised only as far as normals stay the same: on patches of curved or "
+        "scanned surfaces, within a contact's own facet or a milliradian of the curve"
+    ]
 
 
 def _grasp_row(rank: int, certified: CertifiedGrasp) -> tuple[str, ...]:
@@ -61,6 +78,43 @@ def _grasp_row(rank: int, certified: CertifiedGrasp) -> tuple[str, ...]:
         f"{1e3 * certificate.placement_tolerance:.2f}",
         "-" if squeeze is None else f"{squeeze:.1f}",
     )
+
+
+def gap_lines(gap: Gap) -> list[str]:
+    """How near the plan is to the best possible grasp, and a better one if it was met."""
+    end = "nodes" if gap.complete else "nodes; more would lower it"
+    within = (
+        ""
+        if gap.relative_gap is None
+        else f": grasp {gap.rank} is within {100 * gap.relative_gap:.1f} percent"
+    )
+    lines = [
+        f"gap: the best possible epsilon is at most {gap.epsilon_bound:.4f}{within} "
+        f"({gap.nodes:,} {end})"
+    ]
+    if gap.better is not None:
+        points = ", ".join(" ".join(f"{x:.4f}" for x in p) for p in gap.better.p_BC.tolist())
+        lines.append(
+            f"a better one exists: epsilon {gap.better.epsilon:.4f} on faces "
+            f"{' '.join(map(str, gap.better.faces))} at {points}"
+        )
+    return lines
+
+
+def gap_document(gap: Gap) -> dict[str, Any]:
+    """The gap for machines."""
+    better = gap.better
+    return {
+        "epsilon_bound": gap.epsilon_bound,
+        "epsilon": gap.epsilon,
+        "rank": gap.rank,
+        "relative_gap": gap.relative_gap,
+        "nodes": gap.nodes,
+        "complete": gap.complete,
+        "better": None
+        if better is None
+        else {"faces": better.faces, "p_BC": better.p_BC.tolist(), "epsilon": better.epsilon},
+    }
 
 
 def no_grasp_message(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
@@ -176,6 +230,7 @@ def explain_document(
     return {
         "model": model,
         "num_faces": len(object_.polyhedron.faces),
+        "excluded_faces": explanation.excluded_faces,
         "num_sets": len(explanation.reasons),
         "reasons": dict(explanation.counts),
         "mu_needed": _lacking_friction(object_, explanation.mu_needed),
@@ -190,7 +245,7 @@ def _distinct(sets: list[list[int]]) -> list[list[int]]:
 def all_sets_table(document: Mapping[str, Any]) -> str:
     """How many sets of faces end with each reason."""
     rows = [(str(n), reason, *MEANING[reason]) for reason, n in document["reasons"].items()]
-    lines = [_head(document), *_aligned([("sets", "reason", "step", "meaning"), *rows])]
+    lines = [_document_head(document), *_aligned([("sets", "reason", "step", "meaning"), *rows])]
     if not document["reasons"].get("certified"):
         lines.append(f"no certified grasp{_friction_hint(document['mu_needed'])}")
     return "\n".join(lines)
@@ -202,13 +257,22 @@ def one_set_table(document: Mapping[str, Any]) -> str:
         (",".join(map(str, item["faces"])), item["reason"], *MEANING[item["reason"]])
         for item in document["sets"]
     ]
-    return "\n".join([_head(document), *_aligned([("faces", "reason", "step", "meaning"), *rows])])
-
-
-def _head(document: Mapping[str, Any]) -> str:
-    return (
-        f"{document['model']}: {document['num_faces']} faces, {document['num_sets']} sets of faces"
+    return "\n".join(
+        [_document_head(document), *_aligned([("faces", "reason", "step", "meaning"), *rows])]
     )
+
+
+def _document_head(document: Mapping[str, Any]) -> str:
+    keys = ("model", "num_faces", "excluded_faces", "num_sets")
+    return _head(*(document[key] for key in keys))
+
+
+def _head(model: str, num_faces: int, excluded: Sequence[int], num_sets: int) -> str:
+    named = (
+        " ".join(map(str, excluded)) if len(excluded) <= MOST_NAMED else f"{len(excluded)} faces"
+    )
+    avoided = f" (excluded: {named})" if excluded else ""
+    return f"{model}: {num_faces} faces{avoided}, {num_sets} sets of faces"
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:

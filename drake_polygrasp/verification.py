@@ -18,12 +18,14 @@ import numpy as np
 
 from drake_polygrasp.claims import ROUNDING, check_proof, force_faults, number_faults
 from drake_polygrasp.errors import ModelError
+from drake_polygrasp.geometry.exclusion import Exclusion
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.grasp_file import GraspFile, StatedGrasp, StatedObject, load_grasps
 from drake_polygrasp.loading.model_source import find_packages, model_digest, resolve
 from drake_polygrasp.loading.object_model import load_object
+from drake_polygrasp.plan_settings import exclusion_of
 
 if TYPE_CHECKING:
     from drake_polygrasp.certification.in_plant import PlantReport
@@ -114,19 +116,23 @@ def verify_file(
         ModelError: when one of `package_paths` is no folder.
     """
     file = load_grasps(path)
-    model = _find_model(file, package_paths)
+    model, avoided = _find_model(file, package_paths), exclusion_of(file.plan)
     # A file may state numbers of any size; every comparison below fails on what overflows.
     with np.errstate(all="ignore"):
-        grasps = tuple(_verify_grasp(stated, file.object_, model) for stated in file.grasps)
+        grasps = tuple(
+            _verify_grasp(stated, file.object_, model, avoided) for stated in file.grasps
+        )
     if plant and model.object_ is not None:
         grasps = _with_plant(grasps, file, model.object_, package_paths)
     return Report(file.path, grasps, model.line.status is not Status.NOT_CHECKED, model.warnings)
 
 
-def _verify_grasp(stated: StatedGrasp, object_: StatedObject, model: _Model) -> GraspReport:
+def _verify_grasp(
+    stated: StatedGrasp, object_: StatedObject, model: _Model, avoided: Exclusion
+) -> GraspReport:
     surface, clearance = model.line, None
     if model.object_ is not None:
-        surface, clearance = _check_surface(stated, model.object_)
+        surface, clearance = _check_surface(stated, model.object_, avoided)
     forces = _line(Status.PROVED, force_faults(stated))
     if forces.status is Status.FAILED:
         return GraspReport(forces, surface, Line(Status.NOT_CHECKED, "the grasp is not proved"))
@@ -189,6 +195,8 @@ def _find_model(file: GraspFile, package_paths: Sequence[Path | str]) -> _Model:
             body_name=f"{stated.model_name}::{stated.body_name}",
             mu=mu,
             package_paths=package_paths,
+            patch_angle=stated.patch_angle,
+            patch_depth=stated.patch_depth,
         )
     except ModelError as error:
         return _Model(None, Line(Status.FAILED, str(error)))
@@ -224,18 +232,22 @@ def _close(stated: float | None, true: float | None) -> bool:
     return abs(stated - true) <= ROUNDING * abs(true)
 
 
-def _check_surface(stated: StatedGrasp, object_: GraspObject) -> tuple[Line, float | None]:
+def _check_surface(
+    stated: StatedGrasp, object_: GraspObject, avoided: Exclusion
+) -> tuple[Line, float | None]:
     """The line, and the least distance from a contact to an edge of its face [m]."""
     grasp, polyhedron = stated.grasp, object_.polyhedron
     touched = touch(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
-    line = _line(Status.RECOMPUTED, _surface_faults(stated, polyhedron, touched))
+    line = _line(Status.RECOMPUTED, _surface_faults(stated, polyhedron, touched, avoided))
     if line.status is Status.FAILED:
         return line, None
     return line, float(edge_distance(polyhedron, grasp.p_BC, touched.face).min())
 
 
-def _surface_faults(stated: StatedGrasp, polyhedron: Polyhedron, touched: Touch) -> Iterator[str]:
-    """Where the surface has other contacts than the file."""
+def _surface_faults(
+    stated: StatedGrasp, polyhedron: Polyhedron, touched: Touch, avoided: Exclusion
+) -> Iterator[str]:
+    """Where the surface has other contacts than the file, or ones that its plan avoids."""
     grasp, x = stated.grasp, stated.certificate.internal_force
     mu = grasp.mu.copy()
     for i, k in enumerate(touched.face):
@@ -244,6 +256,9 @@ def _surface_faults(stated: StatedGrasp, polyhedron: Polyhedron, touched: Touch)
         mu[i] = min(mu[i], polyhedron.faces[k].mu)
         if not grasp.mu[i] <= mu[i] * (1 + ROUNDING):
             yield f"contact {i + 1} claims friction {grasp.mu[i]:.6g}, its face has {mu[i]:.6g}"
+    for i, is_avoided in enumerate(avoided.avoids(grasp.nhat_TB_B, touched.face)):
+        if is_avoided:
+            yield f"contact {i + 1} is where the plan says that no finger may be"
     # On the boundary of closure the tolerances above would let pass what does not hold.
     true = replace(grasp, p_BC=touched.p_BC, nhat_TB_B=touched.nhat_TB_B, mu=mu)
     if check_proof(grasp, x).ok and not (check := check_proof(true, x)).ok:

@@ -24,10 +24,9 @@ from typing import NamedTuple
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from grasp_files import BOX_SDF, EXAMPLE, TETRAHEDRON_VTK, write_box
-
 from drake_polygrasp.child_process import READ_SECONDS, WORK_SECONDS
 from drake_polygrasp.cli import main
+from tests.grasp_files import BOX_SDF, EXAMPLE, TETRAHEDRON_VTK, write_box
 
 TIME_LIMIT = READ_SECONDS + WORK_SECONDS + 10
 CUBE_OBJ = """\

@@ -6,12 +6,12 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from common import grasp
 
 from drake_polygrasp import CertifiedGrasp, Grasp, GraspObject, load_object, plan_grasps
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.holding import Holding, spare_friction
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
+from tests.common import grasp
 
 MODELS = Path(__file__).parents[1] / "models"
 GRASPABLE = sorted(

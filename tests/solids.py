@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 import shapely
-from convex_polyhedra import prism
 from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
 
@@ -24,6 +23,7 @@ from drake_polygrasp.geometry.polyhedron import (
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.planar import Scale
+from tests.convex_polyhedra import prism
 
 X, Y, Z = np.eye(3)
 UNIT = Scale(np.zeros(3), rho=1.0, diameter=1.0)
@@ -86,6 +86,18 @@ def object_of(polyhedron: Polyhedron, mass: float | None = 1.0) -> GraspObject:
 def solid(*parts: Array, mu: float = 0.3) -> GraspObject:
     """The union of closed triangle soups."""
     return object_of(build_polyhedron([Part(part, mu) for part in parts]))
+
+
+def random_contacts(polyhedron: Polyhedron, count: int, seed: int) -> tuple[Array, Array, Ints]:
+    """Points [m], inward normals and faces, inside the eroded regions of a polyhedron."""
+    regions = erode(polyhedron)
+    rng = np.random.default_rng(seed)
+    row = rng.integers(len(regions.face), size=count)
+    triangles = [shapely.constrained_delaunay_triangles(polygon) for polygon in regions.polygon_F]
+    corners = [shapely.get_coordinates(rng.choice(triangles[r].geoms))[:3] for r in row]
+    xy = np.einsum("ni,nij->nj", rng.dirichlet(np.ones(3), size=count), np.array(corners))
+    p_BC = regions.p_BF[row] + np.einsum("nij,nj->ni", regions.R_BF[row][:, :, :2], xy)
+    return p_BC, regions.nhat_TB_B[row], regions.face[row]
 
 
 def scale_of(object_: GraspObject) -> Scale:

@@ -10,12 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from common import random_contacts
-from convex_polyhedra import prism, write_obj
-from grasp_files import BOX_SDF, EXAMPLE, Document, edit, write_box
-from lp_judge import is_force_closure
 from scipy.spatial.transform import Rotation
-from surface_judge import is_exposed
 
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.certify import certify, prove, prove_many
@@ -29,6 +24,11 @@ from drake_polygrasp.grasp_file import save_grasps
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
 from drake_polygrasp.verification import Status, verify_file
+from tests.common import random_contacts
+from tests.convex_polyhedra import prism, write_obj
+from tests.grasp_files import BOX_SDF, EXAMPLE, Document, edit, write_box
+from tests.lp_judge import is_force_closure
+from tests.surface_judge import is_exposed
 
 MODELS = Path(__file__).parents[1] / "models"
 X, Y, Z = np.eye(3)

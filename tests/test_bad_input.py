@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fuzz import CUBE_OBJ, run, warm_up
 
 from drake_polygrasp.child_process import Task, call_in_child
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.mesh_file import MAX_TRIANGLES
+from tests.fuzz import CUBE_OBJ, run, warm_up
 
 BOX = "<box><size>0.1 0.1 0.2</size></box>"
 MESH = "<mesh><uri>mesh.obj</uri></mesh>"
@@ -301,7 +301,7 @@ def test_a_file_beyond_measure_is_not_read(tmp_path: Path) -> None:
 def test_time_memory_and_crashes_are_contained(function: str) -> None:
     start = time.perf_counter()
     with pytest.raises(ModelError, match=EXPECTED[function]):
-        call_in_child(f"test_bad_input:{function}", 60, task=Task("trying x.sdf", 2.0))
+        call_in_child(f"tests.test_bad_input:{function}", 60, task=Task("trying x.sdf", 2.0))
     assert time.perf_counter() - start < 30
 
 
@@ -339,19 +339,19 @@ def crash(_: float) -> None:
 def test_progress_is_shown_on_terminals_only(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call_in_child("test_bad_input:sleep", 1.2, task=Task("sleeping"))
+    call_in_child("tests.test_bad_input:sleep", 1.2, task=Task("sleeping"))
     assert capsys.readouterr().err == ""
     isatty: Callable[[], bool] = lambda: True  # noqa: E731
     monkeypatch.setattr(sys.stderr, "isatty", isatty)
-    call_in_child("test_bad_input:sleep", 0.1, task=Task("sleeping"))
+    call_in_child("tests.test_bad_input:sleep", 0.1, task=Task("sleeping"))
     assert capsys.readouterr().err == ""
-    call_in_child("test_bad_input:sleep", 1.2, task=Task("sleeping"))
+    call_in_child("tests.test_bad_input:sleep", 1.2, task=Task("sleeping"))
     assert capsys.readouterr().err == "\rsleeping ... 1 s\x1b[K\r\x1b[K"
 
 
 def test_what_cannot_be_pickled_is_still_an_error() -> None:
     with pytest.raises(RuntimeError, match="lambda"):
-        call_in_child("test_bad_input:give_a_function", "x")
+        call_in_child("tests.test_bad_input:give_a_function", "x")
 
 
 def give_a_function(_: str) -> Callable[[], None]:

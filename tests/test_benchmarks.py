@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from solids import cube, solid
 
 from benchmarks.long_search import Effort, best_known
 from benchmarks.measure import peers
@@ -33,6 +32,7 @@ from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.wrench import force_closure
 from tests.convex_polyhedra import holed_prism
+from tests.solids import cube, solid
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -12,11 +12,11 @@ import pytest
 from matplotlib.colors import rgb_to_hsv
 from matplotlib.image import imread
 from pydrake.geometry import Meshcat
-from test_visualization import planned
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.visualization import draw_grasps, look_at, save_html
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE, rgb
+from tests.planned import planned
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 FLAGS = (
@@ -32,7 +32,7 @@ FLAGS = (
     "--virtual-time-budget=4000",
     "--window-size=900,600",
 )
-PANEL = 290  # [px]
+PANEL = 310  # [px]
 
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason="no chromium here: `apt-get install chromium` to run these"

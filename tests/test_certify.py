@@ -8,7 +8,13 @@ import sys
 
 import numpy as np
 import pytest
-from common import (
+
+from drake_polygrasp.certification.certify import Proof, certify, prove, prove_many
+from drake_polygrasp.certification.convex import friction_at
+from drake_polygrasp.certification.exact import attained_margin, check_force_closure
+from drake_polygrasp.grasp import CertifiedGrasp, Grasp, Verdict
+from drake_polygrasp.wrench import force_closure
+from tests.common import (
     RHO_BOX,
     box_grasp,
     collinear_contacts,
@@ -18,13 +24,7 @@ from common import (
     random_contacts,
     wedge_grasp,
 )
-from lp_judge import is_force_closure
-
-from drake_polygrasp.certification.certify import Proof, certify, prove, prove_many
-from drake_polygrasp.certification.convex import friction_at
-from drake_polygrasp.certification.exact import attained_margin, check_force_closure
-from drake_polygrasp.grasp import CertifiedGrasp, Grasp, Verdict
-from drake_polygrasp.wrench import force_closure
+from tests.lp_judge import is_force_closure
 
 
 def certify_box(box: Grasp, mass: float | None = 1.0) -> CertifiedGrasp | Proof:

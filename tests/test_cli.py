@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from grasp_files import write_box
 
 import drake_polygrasp
 from drake_polygrasp import cli
@@ -23,6 +22,7 @@ from drake_polygrasp.errors import ModelError
 from drake_polygrasp.grasp_file import load_grasps
 from drake_polygrasp.planning.planner import REASONS
 from drake_polygrasp.tables import MEANING
+from tests.grasp_files import BOX_SDF, write_box
 
 ROOT = Path(drake_polygrasp.__file__).parents[1]
 MODELS = ROOT / "models"
@@ -30,6 +30,7 @@ CUBE, TETRAHEDRON = MODELS / "cube" / "cube.sdf", MODELS / "tetrahedron" / "tetr
 JSON_KEYS = [
     "model",
     "num_faces",
+    "excluded_faces",
     "num_sets",
     "num_certified",
     "seconds",
@@ -88,6 +89,16 @@ def test_the_table_has_a_row_a_grasp_and_a_unit_where_there_is_one(
         assert column in lines[1]
     assert lines[2].split() == ["[mm]", "[N]"]
     assert [line.split()[0] for line in lines[3:-1]] == ["1", "2", "3"]
+
+
+def test_the_table_says_why_placement_on_patches_is_narrow(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    can = "<cylinder><radius>0.03</radius><length>0.1</length></cylinder>"
+    Path("can.sdf").write_text(BOX_SDF.replace("<box><size>0.1 0.1 0.2</size></box>", can))
+    for file, says in (("can.sdf", True), (CUBE, False)):
+        plan = Run(capsys, f"plan {file}")
+        assert (plan.code, "placement is promised only" in plan.out) == (0, says)
 
 
 def test_plan_in_json_is_one_object_that_says_what_the_file_says(
@@ -380,9 +391,9 @@ def test_an_interrupt_is_exit_130(
 
 def test_a_native_crash_is_a_message() -> None:
     with pytest.raises(ModelError, match=r"thing: Drake crashed \(SIGABRT\)"):
-        call_in_child("test_cli:abort", "thing")
+        call_in_child("tests.test_cli:abort", "thing")
     with pytest.raises(ModelError, match="the process ended"):
-        call_in_child("test_cli:leave", "thing")
+        call_in_child("tests.test_cli:leave", "thing")
 
 
 def abort(_: str) -> None:
@@ -396,7 +407,7 @@ def leave(_: str) -> None:
 
 def test_what_a_child_raises_is_raised() -> None:
     with pytest.raises(ValueError, match="no such"):
-        call_in_child("test_cli:refuse", "thing")
+        call_in_child("tests.test_cli:refuse", "thing")
 
 
 def refuse(_: str) -> None:

@@ -7,8 +7,6 @@ from functools import cache
 import numpy as np
 import pytest
 import shapely
-from convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
-from solids import X, Y, Z, bottom, cube, face, regions_of, regular_prism, scale_of, solid, top
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Face, Regions, erode
@@ -16,6 +14,20 @@ from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import classify
 from drake_polygrasp.planning.planar import Scale
 from drake_polygrasp.planning.planner import REASONS, Candidates, Method, SetPlan, plan_sets
+from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
+from tests.solids import (
+    X,
+    Y,
+    Z,
+    bottom,
+    cube,
+    face,
+    regions_of,
+    regular_prism,
+    scale_of,
+    solid,
+    top,
+)
 
 box = shapely.box
 

@@ -4,14 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common import (
-    box_grasp,
-    prism_grasp,
-    random_contacts,
-    random_rotations,
-    wedge_grasp,
-)
-from lp_judge import greatest_margin, is_force_closure
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.convex import (
@@ -29,6 +21,14 @@ from drake_polygrasp.certification.exact import (
 )
 from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import edge_forces, force_closure
+from tests.common import (
+    box_grasp,
+    prism_grasp,
+    random_contacts,
+    random_rotations,
+    wedge_grasp,
+)
+from tests.lp_judge import greatest_margin, is_force_closure
 
 
 def arrays(grasp: Grasp) -> tuple[Array, Array, Array]:

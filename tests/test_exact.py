@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import math
+import os
 import subprocess
 import sys
 from fractions import Fraction
@@ -12,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common import box_grasp, collinear_contacts, prism_grasp, random_contacts
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,6 +25,7 @@ from drake_polygrasp.certification.exact import (
     check_force_closure,
 )
 from drake_polygrasp.grasp import Grasp
+from tests.common import box_grasp, collinear_contacts, prism_grasp, random_contacts
 
 BOX_X = [2.5, 2.5, -1.25]
 
@@ -240,6 +241,16 @@ def test_it_runs_alone_on_a_plan(text, code, says):
     assert result.returncode == code, result.stderr
     assert says in result.stdout
     assert "Traceback" not in result.stderr
+
+
+def test_a_reader_that_leaves_early_sees_no_traceback():
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-I", "-S", exact.__file__]
+    run = {"input": plan(BOX_X), "stdout": writer, "stderr": subprocess.PIPE, "text": True}
+    result = subprocess.run(command, check=False, **run)
+    os.close(writer)
+    assert (result.returncode, result.stderr) == (1, "")
 
 
 def test_it_imports_the_standard_library_alone():

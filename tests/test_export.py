@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common import grasp, random_contacts
-from grasp_files import write_box
 from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelDirectives
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_polygrasp import GraspFileError, contact_poses, export_directives, load_grasps
 from drake_polygrasp.cli import main
+from tests.common import grasp, random_contacts
+from tests.grasp_files import write_box
 
 
 @pytest.fixture

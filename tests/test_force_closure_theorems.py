@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from lp_judge import is_force_closure
 from scipy.spatial.transform import Rotation
-from solids import cube, regular_polygon, scale_of, solid
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import sine_of_tips_plane
 from drake_polygrasp.planning.planner import Candidates, plan_sets
+from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
+from tests.lp_judge import is_force_closure
+from tests.solids import cube, regular_polygon, scale_of, solid
 
 SIDES = 24
 ROOM = 0.99

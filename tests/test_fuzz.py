@@ -6,7 +6,8 @@ import random
 from pathlib import Path
 
 import pytest
-from fuzz import COMMANDS, FILES, TIME_LIMIT, Ending, fuzz, run, spoil, write_files
+
+from tests.fuzz import COMMANDS, FILES, TIME_LIMIT, Ending, fuzz, run, spoil, write_files
 
 
 @pytest.mark.parametrize("name", COMMANDS)

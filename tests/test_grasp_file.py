@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from grasp_files import EXAMPLE
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.common.yaml import yaml_load_file
@@ -31,6 +30,7 @@ from drake_polygrasp.grasp import (
 )
 from drake_polygrasp.grasp_file import GraspFile, grasp_document, load_grasps, save_grasps
 from drake_polygrasp.plain_yaml import MAX_BYTES
+from tests.grasp_files import EXAMPLE
 
 KEYS = {
     "root": ["format", "version", "generator", "object", "plan", "grasps"],

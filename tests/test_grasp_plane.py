@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import shapely
 from scipy.spatial.transform import Rotation
-from solids import UNIT, X, Y, Z, bottom, face, regions_of, top
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Face, Regions
@@ -23,6 +22,7 @@ from drake_polygrasp.planning.grasp_plane import (
 from drake_polygrasp.planning.planar import Scale, boundary
 from drake_polygrasp.planning.position import Opposed, opposed, plane_directions
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP, SECOND, choices, two_face_planes
+from tests.solids import UNIT, X, Y, Z, bottom, face, regions_of, top
 
 box = shapely.box
 

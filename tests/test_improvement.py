@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import shapely
 from scipy.spatial.transform import Rotation
-from solids import cube, moved, regular_prism, solid
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.wrench_space import epsilon_interval
@@ -26,6 +25,7 @@ from drake_polygrasp.planning.variants import (
 from drake_polygrasp.wrench import critical_directions, epsilon_upper_bound, force_closure
 from tests.common import prism_grasp, random_contacts, random_rotations
 from tests.convex_polyhedra import holed_prism, tangent_polyhedron
+from tests.solids import cube, moved, regular_prism, solid
 
 OBJECTS = {
     "cube": cube(),

@@ -9,9 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from common import grasp
-from grasp_files import edit, write_box
-from plant_scenes import GRASPABLE, cube_forces, cube_grasp, cube_scene, model, top_grasp, top_scene
 
 from drake_polygrasp import (
     Grasp,
@@ -33,6 +30,17 @@ from drake_polygrasp.certification.statics import find_equilibria
 from drake_polygrasp.cli import main
 from drake_polygrasp.grasp import Verdict
 from drake_polygrasp.plant_results import save_plant_results
+from tests.common import grasp
+from tests.grasp_files import edit, write_box
+from tests.plant_scenes import (
+    GRASPABLE,
+    cube_forces,
+    cube_grasp,
+    cube_scene,
+    model,
+    top_grasp,
+    top_scene,
+)
 
 X, Y, Z = np.eye(3)
 HOLDS, FAILS, UNDECIDED = Verdict.HOLDS, Verdict.FAILS, Verdict.UNDECIDED

@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from scipy.spatial.transform import Rotation
-from solids import cube, moved, regions_of, regular_prism, solid, top
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import prove_many
@@ -21,6 +19,8 @@ from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.planning import orientation
 from drake_polygrasp.planning.planner import CODE, Method, plan_sets
+from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
+from tests.solids import cube, moved, regions_of, regular_prism, solid, top
 
 MODELS = sorted(Path(__file__).parent.parent.glob("models/*/*.*df"))
 Grasps = dict[tuple[int, ...], Array]

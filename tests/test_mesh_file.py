@@ -6,11 +6,11 @@ import time
 from pathlib import Path
 
 import pytest
-from convex_polyhedra import ellipsoid_hull, write_obj
-from grasp_files import TETRAHEDRON_VTK
 
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.mesh_file import MAX_TRIANGLES, check_mesh_file
+from tests.convex_polyhedra import ellipsoid_hull, write_obj
+from tests.grasp_files import TETRAHEDRON_VTK
 
 VERTICES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
 FACES = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

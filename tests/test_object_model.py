@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from convex_polyhedra import prism, write_obj
-from grasp_files import TETRAHEDRON_VTK
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.object_model import load_object
+from tests.convex_polyhedra import prism, write_obj
+from tests.grasp_files import TETRAHEDRON_VTK
 
 SDF = '<?xml version="1.0"?><sdf version="1.9" xmlns:drake="drake.mit.edu">{}</sdf>'
 INERTIAL = "<inertial><mass>2</mass></inertial>"

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
-from solids import X, Z, cube, regular_prism
 
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.polyhedron import erode
@@ -29,6 +28,7 @@ from drake_polygrasp.planning.orientation import (
     sine_of_tips_plane,
     triples,
 )
+from tests.solids import X, Z, cube, regular_prism
 
 seeds = st.integers(0, 2**32 - 1)
 

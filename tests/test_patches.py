@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from common import damaged, random_rotations, round_body
-from convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from lp_judge import is_force_closure
-from solids import object_of
-from surface_judge import is_exposed, nearest_point, on_surface
-from test_seating import random_contacts
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.patches import PATCH_ANGLE, PATCH_DEPTH
@@ -21,6 +15,11 @@ from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_f
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.geometry.triangles import diameter, unit_normals, winding_numbers
 from drake_polygrasp.pipeline import plan_grasps
+from tests.common import damaged, random_rotations, round_body
+from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism
+from tests.lp_judge import is_force_closure
+from tests.solids import object_of, random_contacts
+from tests.surface_judge import is_exposed, nearest_point, on_surface
 
 X, Y, Z = np.eye(3)
 
@@ -187,7 +186,7 @@ def test_damaged_triangles_yield_no_false_grasp(seed: int, prisms: bool) -> None
 
 
 def test_winding_numbers_are_those_of_solid_angles() -> None:
-    from surface_judge import winding_number
+    from tests.surface_judge import winding_number
 
     rng = np.random.default_rng(0)
     body = np.concatenate([holed_prism(6, 1, 2), boxes(2, 4), boxes(2, 4, aligned=True)])

@@ -8,8 +8,6 @@ from math import comb
 import numpy as np
 import pytest
 import shapely
-from lp_judge import is_force_closure
-from solids import cube, regular_prism, solid
 
 from drake_polygrasp import pipeline
 from drake_polygrasp.certification import exact
@@ -18,7 +16,10 @@ from drake_polygrasp.geometry.seating import edge_distance, tip_fits
 from drake_polygrasp.pipeline import GraspPlan, explain_sets, plan_grasps
 from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.variants import Steps
+from drake_polygrasp.task import TIP_RADIUS
 from tests.convex_polyhedra import holed_prism, prism, tangent_polyhedron
+from tests.lp_judge import is_force_closure
+from tests.solids import cube, regular_prism, solid
 
 CHANNEL = shapely.box(0, 0, 0.1, 0.08) - shapely.box(0.03, 0.03, 0.07, 0.09)
 OBJECTS = {
@@ -72,7 +73,7 @@ def test_contacts_keep_their_distance_from_edges_and_tips_fit(name: str) -> None
                 gaps.append(shapely.distance(regions.polygon_F[k], shapely.Point(p_FC[:2])))
             assert min(gaps) < 1e-8 * L
         assert (edge_distance(object_.polyhedron, grasp.p_BC, faces) > 0).all()
-        radius = pipeline.TIP_RADIUS * L
+        radius = TIP_RADIUS * L
         assert tip_fits(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B, radius).all()
 
 

@@ -7,13 +7,11 @@ from math import sqrt
 import numpy as np
 import pytest
 import shapely
-from convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from surface_judge import is_exposed
 
-from drake_polygrasp.arrays import Array
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.inradius import inradius
 from drake_polygrasp.geometry.polyhedron import (
@@ -24,7 +22,11 @@ from drake_polygrasp.geometry.polyhedron import (
     surface_vertices,
     volume_centroid,
 )
+from drake_polygrasp.geometry.shells import without_doubles
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
+from tests.solids import regular_polygon
+from tests.surface_judge import is_exposed
 
 L_PROFILE = shapely.Polygon([(0, 0), (0.3, 0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.2), (0, 0.2)])
 HOLED_SQUARE = shapely.box(0, 0, 0.4, 0.4) - shapely.box(0.1, 0.1, 0.2, 0.3)
@@ -364,3 +366,34 @@ def test_values_are_read_only() -> None:
 
 def test_the_faces_of_a_triangulated_hull_are_its_triangles() -> None:
     assert len(build(ellipsoid_hull(40, seed=1)).faces) == 40
+
+
+@pytest.mark.parametrize("turn", np.linspace(0, 1, 5))
+def test_a_hole_may_touch_the_rim_of_its_face(turn: float) -> None:
+    """A column on a plate, one of its edges above the plate's rim."""
+    R = Rotation.from_euler("z", turn).as_matrix()
+    plate = prism(shapely.box(-0.04, -0.05, 0.02, 0.05), 0.02)
+    column = prism(regular_polygon(4, 0.02), 0.1)
+    polyhedron = build(plate @ R.T, column @ R.T)
+    assert all(shapely.is_valid(face.polygon_F) for face in polyhedron.faces)
+    top = [face for face in polyhedron.faces if face.R_BF[2, 2] == 1 and face.p_BF[2] < 0.05]
+    found = sum(face.polygon_F.area for face in top)
+    assert found == pytest.approx(0.06 * 0.1 - 2 * 0.02**2, rel=1e-6)
+
+
+def test_copies_of_triangles_are_dropped_unless_solids_share_them() -> None:
+    """By vertex index: a tetrahedron, copies of its sides, and another on the same side."""
+    one = np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+    beyond = np.array([[0, 2, 1], [0, 1, 4], [1, 2, 4], [2, 0, 4]])
+    above = np.array([[0, 1, 2], [0, 5, 1], [1, 5, 2], [2, 5, 0]])
+
+    def sides(corners: Ints) -> list[tuple[int, ...]]:
+        return sorted(map(tuple, np.sort(corners, axis=1).tolist()))
+
+    for copies in ([0], [0, 0], [1, 2], [3, 3, 1]):
+        for extra in (one[copies], one[copies][:, ::-1]):
+            assert sides(without_doubles(np.concatenate([one, extra]))) == sides(one)
+    for shared in (np.concatenate([one, beyond]), np.concatenate([one, above]), one.repeat(2, 0)):
+        assert sides(without_doubles(shared)) == sides(shared)
+        collapsed = np.array([[4, 4, 2], [3, 3, 3]])
+        assert sides(without_doubles(np.concatenate([collapsed, shared]))) == sides(shared)

@@ -7,7 +7,6 @@ import pytest
 import shapely
 from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
-from solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.polyhedron import Face, Regions
@@ -30,6 +29,7 @@ from drake_polygrasp.planning.position import (
     strip_rs,
     two_faces_meet,
 )
+from tests.solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
 FAR = 1e3
 box = shapely.box

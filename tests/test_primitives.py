@@ -7,10 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from common import random_rotations
-from convex_polyhedra import prism
-from solids import object_of
-from test_seating import random_contacts
 
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.geometry.polyhedron import farthest_distance
@@ -19,6 +15,9 @@ from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_f
 from drake_polygrasp.geometry.surface import Part, build_polyhedron, curved_part
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
+from tests.common import random_rotations
+from tests.convex_polyhedra import prism
+from tests.solids import object_of, random_contacts
 
 R = random_rotations(1, np.random.default_rng(0))[0]
 P = np.array([0.1, -0.2, 0.3])

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from convex_polyhedra import prism
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from solids import X, Y, Z, cube, regular_polygon, scale_of, solid
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.planner import Candidates, Method, SetPlan, plan_sets
 from drake_polygrasp.planning.quality import q_directions, q_orientation, q_positions
+from tests.convex_polyhedra import prism
+from tests.solids import X, Y, Z, cube, regular_polygon, scale_of, solid
 
 
 def spokes(*degrees: float) -> Array:

@@ -8,7 +8,6 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.geometry.polyhedron import Face, Regions
@@ -24,6 +23,7 @@ from drake_polygrasp.planning.planar import (
 from drake_polygrasp.planning.position import opposed, plane_directions
 from drake_polygrasp.planning.region_p import Cut, cut_nonparallel, cut_parallel, cut_two_faces
 from drake_polygrasp.planning.two_faces import choices, two_face_planes
+from tests.solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
 box = shapely.box
 seeds = st.integers(0, 2**32 - 1)

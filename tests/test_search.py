@@ -11,8 +11,8 @@ import shapely
 from benchmarks import measure
 from benchmarks.peers import random_triples
 from drake_polygrasp import plan_grasps
-from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.geometry.seating import tip_fits
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning import search
@@ -146,3 +146,18 @@ def test_on_hundreds_of_faces_random_search_finds_much_worse() -> None:
     assert len(object_.polyhedron.faces) > 300
     best = plan_grasps(object_, top=1).grasps[0].certificate.epsilon_lower
     assert best > 1.3 * measure.search(object_, random_triples)["epsilon"]
+
+
+def test_while_nothing_holds_the_search_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    box, looked = cube(), []
+    regions = erode(box.polyhedron)
+
+    def short_sighted(regions: Regions, triples: Triples) -> Ints:
+        """Sees nothing that holds among the draws and in the first passes."""
+        looked.append(len(triples.region))
+        return holding(regions, triples)[: None if len(looked) > 1 + search.PASSES else 0]
+
+    holding = search._holding
+    monkeypatch.setattr(search, "_holding", short_sighted)
+    assert len(best_triples(regions, NONE, box.p_BBcm, box.rho).region)
+    assert len(looked) == 2 + search.PASSES <= 1 + search.MOST_PASSES

@@ -7,13 +7,14 @@ import time
 import numpy as np
 import pytest
 import shapely
-from convex_polyhedra import boxes, holed_prism, prism
-from surface_judge import distance, on_surface
 
-from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.geometry.polyhedron import Polyhedron, erode
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from tests.convex_polyhedra import boxes, holed_prism, prism
+from tests.solids import random_contacts
+from tests.surface_judge import distance, on_surface
 
 L_PROFILE = shapely.Polygon([(0, 0), (0.3, 0), (0.3, 0.1), (0.1, 0.1), (0.1, 0.2), (0, 0.2)])
 X, Y, Z = np.eye(3)
@@ -21,18 +22,6 @@ X, Y, Z = np.eye(3)
 
 def build(*parts: Array) -> Polyhedron:
     return build_polyhedron([Part(part, 0.3) for part in parts])
-
-
-def random_contacts(polyhedron: Polyhedron, count: int, seed: int) -> tuple[Array, Array, Ints]:
-    """Points [m], inward normals and faces, inside eroded regions."""
-    regions = erode(polyhedron)
-    rng = np.random.default_rng(seed)
-    row = rng.integers(len(regions.face), size=count)
-    triangles = [shapely.constrained_delaunay_triangles(polygon) for polygon in regions.polygon_F]
-    corners = [shapely.get_coordinates(rng.choice(triangles[r].geoms))[:3] for r in row]
-    xy = np.einsum("ni,nij->nj", rng.dirichlet(np.ones(3), size=count), np.array(corners))
-    p_BC = regions.p_BF[row] + np.einsum("nij,nj->ni", regions.R_BF[row][:, :, :2], xy)
-    return p_BC, regions.nhat_TB_B[row], regions.face[row]
 
 
 def test_contacts_of_an_exact_face_stay_and_keep_its_normal() -> None:

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from common import grasp
-from plant_scenes import cube_forces, cube_scene, model, top_grasp, top_scene
 from pydrake.geometry import Meshcat
 
 from drake_polygrasp.arrays import Array, frozen
@@ -17,6 +15,8 @@ from drake_polygrasp.certification.in_plant import LoadPlan, plan_loads
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.simulation import Outcome, Trace, judge, simulate
 from drake_polygrasp.certification.wrench_space import GRAVITY
+from tests.common import grasp
+from tests.plant_scenes import cube_forces, cube_scene, model, top_grasp, top_scene
 
 X, Y, Z = np.eye(3)
 WEIGHT = GRAVITY * 0.1512

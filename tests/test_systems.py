@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common import grasp
-from plant_scenes import cube_grasp, model, top_scene
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import BodyIndex
@@ -17,6 +15,8 @@ from drake_polygrasp import GraspForces, UsageError
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.scratch_plant import Scene
 from drake_polygrasp.certification.wrench_space import GRAVITY
+from tests.common import grasp
+from tests.plant_scenes import cube_grasp, model, top_scene
 
 X_WB = RigidTransform(RollPitchYaw(0.4, -0.7, 1.9), [0.1, 0.2, 0.3])
 

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
+from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 from drake_polygrasp import GraspObject, UsageError, explain_sets, load_object, plan_grasps
 from drake_polygrasp.cli import main
+from drake_polygrasp.pipeline import Explanation
+from drake_polygrasp.planning.orientation import least_ball_centre
 from drake_polygrasp.planning.trace import trace
 from drake_polygrasp.planning.traced import Trace
+from drake_polygrasp.tables import MEANING
+from drake_polygrasp.visualization.directions import draw_directions
+from drake_polygrasp.visualization.explanation import draw_explanation
 from drake_polygrasp.visualization.figures import draw_reasons, draw_trace, save_figure
+from drake_polygrasp.visualization.meshes import section_lines
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE
-from drake_polygrasp.visualization.sketch import draw_sketch
+from drake_polygrasp.visualization.sketch import draw_faces, draw_sketch
+from tests.grasp_files import BOX_SDF
 
 MODELS = Path(__file__).parents[1] / "models"
 FILES = {
@@ -32,7 +42,7 @@ FILES = {
 
 @cache
 def object_(name: str) -> GraspObject:
-    return load_object(MODELS / name / FILES[name])
+    return load_object(MODELS / name / FILES.get(name, f"{name}.sdf"))
 
 
 @cache
@@ -66,7 +76,7 @@ def test_contacts_are_on_their_segments_and_the_centroid_is_that_of_p(name: str)
     L = object_(name).polyhedron.diameter
     for its in traces(name).values():
         plane = its.on_pi_p
-        if plane is None:
+        if plane is None or plane.p_cI is None:
             continue
         centroid = shapely.get_coordinates(plane.region_p.centroid)[0]
         assert plane.p_cI == pytest.approx(centroid, abs=1e-9 * L)
@@ -122,6 +132,81 @@ def test_faces_that_are_not_opposed_are_projected_side_by_side() -> None:
         assert len(draw_trace(its).axes) == 1
 
 
+def test_cones_are_within_a_right_angle_of_an_axis_just_when_they_cannot_oppose() -> None:
+    for name in ("skewed_block", "triangular_prism"):
+        for its in traces(name).values():
+            if np.linalg.norm(least_ball_centre(its.nhat_TB_B)) < 1e-9:
+                continue  # opposite normals have no such axis
+            ax = Figure().add_subplot()
+            draw_directions(ax, its)
+            rims = [patch.get_xy() for patch in ax.patches if isinstance(patch, Polygon)]
+            assert len(rims) == len({*its.faces})
+            angle = np.linalg.norm(np.concatenate(rims), axis=1).max()
+            assert (angle <= 90 + 1e-6) == (its.reason == "orientation"), its.faces
+
+
+ENDS = {
+    "certified": ("l_bracket", (2, 4, 7)),
+    "orientation": ("l_bracket", (0, 1, 2)),
+    "rl_empty": ("boxes", (0, 4, 5)),
+    "rs_empty": ("boxes", (0, 3, 6)),
+    "not_opposed": ("t_block", (0, 9)),
+    "p_empty": ("boxes", (0, 3, 5)),
+    "off_face": ("boxes", (0, 7, 10)),
+    "wrong_order": ("boxes", (4, 5, 6)),
+    "collinear": ("boxes", (7, 10, 13)),
+    "tip_blocked": ("boxes", (0, 5, 14)),
+    "not_force_closure": ("concave_mesh", (0, 1, 8)),
+}
+
+
+@cache
+def explained(name: str) -> Explanation:
+    return explain_sets(object_(name), method="paper")
+
+
+def labels(ax: Axes) -> set[str]:
+    legend = ax.get_legend()
+    return set() if legend is None else {text.get_text() for text in legend.get_texts()}
+
+
+@pytest.mark.parametrize("reason", ENDS)
+def test_a_figure_names_the_end_of_its_set_and_shows_it(reason: str) -> None:
+    name, faces = ENDS[reason]
+    figure = draw_explanation(object_(name), explained(name), faces)
+    sketch, *panels = figure.axes
+    assert {int(text.get_text()) for text in sketch.texts} == {*faces}
+    title = figure.get_suptitle()
+    assert reason in title and MEANING[reason][1] in title
+    its, last = trace(object_(name), faces), panels[-1]
+    if reason == "orientation":
+        assert len(panels) == 1 and "cone 1" in labels(last)
+    if reason == "rl_empty":
+        assert its.on_pi_l is not None and its.on_pi_l.region_l is None
+    if reason == "rs_empty":
+        assert its.on_pi_s is not None and its.on_pi_s.heights is not None
+        low, high = its.on_pi_s.heights.T
+        assert low.max() >= high.min()
+        assert {f"heights of $A_{{l{i}}}$" for i in (1, 2, 3)} <= labels(last)
+    if reason == "p_empty":
+        assert its.on_pi_p is not None and its.on_pi_p.region_p.is_empty
+        assert "$P$" not in labels(last)
+    said = set().union(*map(labels, panels))
+    assert ("no room for it" in said) >= (reason == "tip_blocked")
+    assert ("fingertip" in said) == (its.p_BC is not None)
+    unbalanced = last.get_title() == "forces that cancel leave the cones"
+    assert unbalanced == (reason in ("collinear", "not_force_closure"))
+
+
+def test_a_section_is_the_outline_of_the_object() -> None:
+    bracket = object_("l_bracket").polyhedron
+    lines = section_lines(bracket, np.array([0.0, 1.0, 0.0]), 0.0301)
+    assert np.abs(lines[..., 1] - 0.0301).max() < 1e-12
+    ends, count = np.unique(lines.reshape(-1, 3).round(9), axis=0, return_counts=True)
+    assert (count == 2).all() and len(ends) >= 6
+    assert np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum() == pytest.approx(0.44)
+
+
 def test_faces_that_are_no_set_are_a_usage_error() -> None:
     for faces in ((1,), (1, 2, 3, 4), (1, 99)):
         with pytest.raises(UsageError, match="no set of two or three"):
@@ -135,7 +220,7 @@ def test_faces_that_are_no_set_are_a_usage_error() -> None:
         ("l_bracket", (2, 3, 4), 3),  # parallel: no Pi_l
         ("l_bracket", (1, 5), 3),  # a pair
         ("plate_with_hole", (0, 4, 5), 3),  # no contacts: no forces
-        ("l_bracket", (0, 1, 2), 0),  # fell at orientation
+        ("l_bracket", (0, 1, 2), 1),  # fell at orientation
     ],
 )
 def test_a_figure_has_a_panel_for_each_plane_that_the_set_came_to(
@@ -177,6 +262,27 @@ def test_a_sketch_shows_the_whole_object_and_tints_what_is_touched(with_grasp: b
     )
     touched = {*range(8)} if grasp is None else {*grasp.grasp.faces}
     assert {int(text.get_text()) for text in ax.texts} == touched
+
+
+def test_a_sketch_of_a_body_of_patches_numbers_those_of_the_set() -> None:
+    bracket = object_("l_bracket")
+    patches = tuple(replace(face, reach=1e-3) for face in bracket.polyhedron.faces)
+    curved = replace(bracket, polyhedron=replace(bracket.polyhedron, faces=patches))
+    ax = Figure().add_subplot(projection="3d")
+    draw_faces(ax, curved, (5, 1, 1))
+    assert {int(text.get_text()) for text in ax.texts} == {1, 5}
+
+
+def test_fingertips_are_judged_where_a_patch_lets_them_touch(tmp_path: Path) -> None:
+    # Contacts on a patch's plane are inside the cylinder, where no fingertip fits.
+    can = "<cylinder><radius>0.03</radius><length>0.1</length></cylinder>"
+    sdf = BOX_SDF.replace("<box><size>0.1 0.1 0.2</size></box>", can)
+    (tmp_path / "can.sdf").write_text(sdf)
+    body = load_object(tmp_path / "can.sdf")
+    best = plan_grasps(body, method="paper", top=1).grasps[0].grasp
+    figure = draw_trace(trace(body, sorted({*best.faces})), body, 0.02 * body.polyhedron.diameter)
+    said = set().union(*map(labels, figure.axes))
+    assert "fingertip" in said and "no room for it" not in said
 
 
 def test_reasons_are_bars_as_long_as_their_counts() -> None:

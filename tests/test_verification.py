@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from grasp_files import BOX_SDF, EXAMPLE, Document, edit, rebalance, write_box
 
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.certification.certify import certify
@@ -20,6 +19,7 @@ from drake_polygrasp.grasp_file import grasp_document, save_grasps
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
 from drake_polygrasp.verification import Status, verify_file
+from tests.grasp_files import BOX_SDF, EXAMPLE, Document, edit, rebalance, write_box
 
 MODELS = sorted(Path(__file__).parents[1].glob("models/*/*.*df"))
 PROVED, RECOMPUTED, FAILED = Status.PROVED, Status.RECOMPUTED, Status.FAILED

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -20,35 +21,24 @@ from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Sphere
 from pydrake.math import RigidTransform
 
 from drake_polygrasp import (
-    CertifiedGrasp,
-    GraspObject,
     UsageError,
     load_grasps,
     load_object,
-    plan_grasps,
     save_grasps,
 )
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.cli import main
 from drake_polygrasp.visualization import draw_grasps, draw_object, look_at, save_html, show_rank
 from drake_polygrasp.visualization.labels import label_F, number_shape
+from drake_polygrasp.visualization.meshes import FEW
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE, rgb
 from drake_polygrasp.visualization.scene import FORCE_SCALE
+from drake_polygrasp.visualization.show import Exhibit
 from drake_polygrasp.wrench import edge_forces
+from tests.planned import MODELS, model, planned
 
 ROOT = Path(__file__).parents[1]
-MODELS = sorted(p for kind in ("sdf", "urdf") for p in (ROOT / "models").glob(f"*/*.{kind}"))
 TIP = 0.004
-
-
-def model(name: str) -> Path:
-    return next(path for path in MODELS if path.stem == name)
-
-
-@cache
-def planned(name: str) -> tuple[GraspObject, tuple[CertifiedGrasp, ...]]:
-    object_ = load_object(model(name))
-    return object_, plan_grasps(object_, top=3).grasps
 
 
 class Recorder:
@@ -157,6 +147,34 @@ def test_patches_of_a_curved_surface_are_numbered_only_where_they_are_touched() 
     assert len(numbers) == len(set(grasps[0].grasp.faces))
     assert len(recorder.meshes["/mine/object/faces"]) == len(curved.polyhedron.triangles_B)
     assert "/mine/object/edges" not in recorder.paths
+
+
+@pytest.mark.parametrize(("count", "numbers"), [(FEW, FEW), (FEW + 1, 2)])
+def test_faces_are_numbered_where_they_are_few_or_touched(count: int, numbers: int) -> None:
+    object_, grasps = planned("l_bracket")
+    assert len(set(grasps[0].grasp.faces)) == 2
+    faces = (object_.polyhedron.faces * count)[:count]
+    many = replace(object_, polyhedron=replace(object_.polyhedron, faces=faces))
+    recorder = Recorder()
+    draw_grasps(recorder, many, grasps[:1], path="/mine")  # type: ignore[arg-type]
+    assert sum("number" in path for path in recorder.meshes) == numbers
+
+
+def test_the_page_of_a_scan_is_small(tmp_path: Path) -> None:
+    object_, grasps = planned("l_bracket")
+    # In place of the bracket's triangles, 16,128 of a sphere.
+    up, around = np.meshgrid(np.linspace(0, np.pi, 65), np.linspace(0, 2 * np.pi, 127))
+    p = np.stack([np.sin(up) * np.cos(around), np.sin(up) * np.sin(around), np.cos(up)], axis=-1)
+    a, b, c, d = p[:-1, :-1], p[:-1, 1:], p[1:, :-1], p[1:, 1:]
+    triangles = np.concatenate([np.stack([a, c, b], axis=2), np.stack([b, c, d], axis=2)])
+    patches = tuple(replace(face, reach=1e-3) for face in object_.polyhedron.faces)
+    polyhedron = replace(
+        object_.polyhedron, faces=patches, triangles_B=0.1 * triangles.reshape(-1, 3, 3)
+    )
+    meshcat = Meshcat()
+    draw_grasps(meshcat, replace(object_, polyhedron=polyhedron), grasps)
+    save_html(tmp_path / "scan.html", meshcat, grasps)
+    assert (tmp_path / "scan.html").stat().st_size < 4e6
 
 
 def test_no_number_reads_as_another_even_upside_down() -> None:
@@ -343,10 +361,24 @@ def test_show_warns_of_a_model_that_changed_and_refuses_one_that_is_gone(
 def test_show_serves_until_interrupted() -> None:
     command = [sys.executable, "-m", "drake_polygrasp", "show", str(model("cube"))]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        lines = list(itertools.islice(process.stdout, 3))
-        url = lines[2].split()[1]
-        with urllib.request.urlopen(url, timeout=10) as page:
-            assert page.status == 200
-        process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=20) == 0
+        try:
+            assert process.stdout is not None
+            url = next(line.split()[1] for line in process.stdout if line.startswith("open http"))
+            with urllib.request.urlopen(url, timeout=60) as page:
+                assert page.status == 200
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=60) == 0
+        finally:
+            process.kill()  # lest a failure leaves it serving
+
+
+def test_an_interrupt_that_comes_while_show_still_prints_ends_it_well(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(_: Exhibit) -> Iterator[str]:
+        yield "open http://localhost"
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("drake_polygrasp.visualization.show.serve", interrupted)
+    assert main(["show", str(model("cube"))]) == 0
+    assert capsys.readouterr().out == "open http://localhost\n"

@@ -4,18 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common import (
-    RHO_BOX,
-    box_grasp,
-    collinear_contacts,
-    grasp,
-    lattice_contacts,
-    prism_grasp,
-    random_contacts,
-    random_rotations,
-    wedge_grasp,
-)
-from lp_judge import is_force_closure
 
 from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import (
@@ -27,6 +15,18 @@ from drake_polygrasp.wrench import (
     non_collinear,
     support,
 )
+from tests.common import (
+    RHO_BOX,
+    box_grasp,
+    collinear_contacts,
+    grasp,
+    lattice_contacts,
+    prism_grasp,
+    random_contacts,
+    random_rotations,
+    wedge_grasp,
+)
+from tests.lp_judge import is_force_closure
 
 
 def closed_form(grasp_: Grasp) -> bool:

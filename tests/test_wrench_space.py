@@ -4,16 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from common import (
-    RHO_BOX,
-    box_grasp,
-    collinear_contacts,
-    prism_grasp,
-    random_contacts,
-    random_rotations,
-    wedge_grasp,
-)
-from lp_judge import least_normal_force, polygon_wrenches
 from scipy.spatial import ConvexHull
 
 from drake_polygrasp.arrays import Array
@@ -29,6 +19,16 @@ from drake_polygrasp.certification.wrench_space import (
 )
 from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import cone_wrenches, contact_frames, force_closure, support
+from tests.common import (
+    RHO_BOX,
+    box_grasp,
+    collinear_contacts,
+    prism_grasp,
+    random_contacts,
+    random_rotations,
+    wedge_grasp,
+)
+from tests.lp_judge import least_normal_force, polygon_wrenches
 
 ORIGIN = np.zeros(3)
 P_CM = np.array([0.1, -0.05, 0.02])

@@ -62,7 +62,10 @@ def make_scene(
     Raises ModelError when the object came from no file or the file cannot be read again.
     """
     if object_.source is None:
-        raise ModelError("a grasp is checked in a plant with the object's own file; it has none")
+        raise ModelError(
+            "a grasp is checked in a plant with the object's own file, and it has none; give "
+            "object_from_plant the body's model_file"
+        )
     face = face_of(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B)
     distance = edge_distance(object_.polyhedron, grasp.p_BC, face).min()
     return Scene(

@@ -145,6 +145,8 @@ def touch_patch(
             -outward[rows],
         )
     lost = (face < 0) | is_covered(polyhedron, p, n)
+    if polyhedron.cavities is not None:
+        lost |= polyhedron.cavities.sealed_at(p, n)
     face[lost], p[lost], n[lost] = -1, p_BC[lost], nhat_TB_B[lost]
     return face, p, n
 

@@ -14,15 +14,11 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.inradius import rough_inradius
 from drake_polygrasp.geometry.sections import merged
-from drake_polygrasp.geometry.triangles import (
-    connected_components,
-    edge_neighbors,
-    face_frame,
-    tidy,
-    unit_normals,
-)
+from drake_polygrasp.geometry.shells import connected_components, edge_neighbors
+from drake_polygrasp.geometry.triangles import face_frame, tidy, unit_normals
 
 PATCH_ANGLE = np.radians(12.0)
 """[rad], ours, below the friction angle of most pairs: how far normals lean within a patch."""
@@ -69,6 +65,14 @@ class Patch(NamedTuple):
     mu: float
 
 
+def check_tolerances(angle: float | None, depth: float | None) -> None:
+    """Raise UsageError for an angle [rad] or a depth [m] that no patch has."""
+    if angle is not None and not 0 < angle < np.pi / 2:
+        raise UsageError(f"patch_angle is {angle}; it must be radians, above 0 and below pi/2")
+    if depth is not None and not 0 < depth < np.inf:
+        raise UsageError(f"patch_depth is {depth}; it must be a length in metres, above 0")
+
+
 def curved_triangles(vertices: Array, corners: Ints, L: float, flatness: float) -> Bools:
     """Which triangles are facets of a curved or noisy surface, shape (T,).
 
@@ -104,37 +108,46 @@ def grow_patches(
     corners: Ints,
     mu: Array,
     L: float,
-    angle: float = PATCH_ANGLE,
+    angle: float | None = None,
     depth: float | None = None,
 ) -> list[Patch]:
     """Patches of the facets `corners` (T, 3), of friction `mu` (T,), flattest seeds first.
 
     A patch holds the facets connected to its seed whose normals, their own or those smoothed over
-    a fingertip's radius, lean by at most `angle` [rad] from the seed's, and whose vertices lie
-    within twice `depth` [m] (default: `PATCH_DEPTH` L) of its plane, so that a plane between them
-    is `depth` away.
+    a fingertip's radius, lean by at most `angle` [rad] (default: `PATCH_ANGLE`) from the seed's,
+    and whose vertices lie within twice `depth` [m] (default: `PATCH_DEPTH` L) of its plane, so that
+    a plane between them is `depth` away.
     """
     if not len(corners):
         return []
+    angle = PATCH_ANGLE if angle is None else angle
     depth = PATCH_DEPTH * L if depth is None else depth
     surface = _surface(vertices, corners, mu, L)
     waiting = surface.area > 0
-    patches: list[Patch] = []
-    seeds = surface.seeds()
-    for _ in range(_MAX_SEEDS):
-        seeds = seeds[waiting[seeds]]
-        if not len(seeds):
+    grown: list[Ints] = []
+    for seed in surface.seeds():
+        if waiting[seed]:
+            grown.append(_grow(surface, int(seed), np.cos(angle), 2 * depth))
+            waiting[grown[-1]] = False
+        if len(grown) == _MAX_SEEDS:
             break
-        members = _grow(surface, int(seeds[0]), np.cos(angle), 2 * depth)
-        waiting[members] = False
-        patch = _fit(surface, members, L)
+    size = np.array([surface.area[members].sum() for members in grown])
+    fitted: dict[int, tuple[Patch, float]] = {}
+    widest, least = 0.0, _NARROWEST * L
+    for k in np.argsort(-size, kind="stable").tolist():
+        # No disc is larger than the polygon that holds it.
+        if size[k] < np.pi * least**2:
+            break
+        patch = _fit(surface, grown[k], L, least)
         if patch is not None:
-            patches.append(patch)
-    width = rough_inradius(np.array([patch.polygon_F for patch in patches], dtype=object))
-    rank = np.empty(len(patches))
-    rank[np.argsort(-width, kind="stable")] = np.arange(len(patches))
-    kept = (rank < _MOST) & (width >= _SMALL_SHARE * width.max(initial=0))
-    return [patches[k] for k in np.flatnonzero(kept)]
+            width = float(rough_inradius(np.array([patch.polygon_F]))[0])
+            fitted[k] = patch, width
+            widest = max(widest, width)
+            # Outlines are wider than their facets by no more than what makes them simpler.
+            least = max(least, _SMALL_SHARE * widest / (1 + _SIMPLER / 2))
+    wide = [k for k, (_, width) in fitted.items() if width >= _SMALL_SHARE * widest]
+    kept = sorted(wide, key=lambda k: (-fitted[k][1], k))[:_MOST]
+    return [fitted[k][0] for k in sorted(kept)]
 
 
 class _Surface(NamedTuple):
@@ -183,47 +196,48 @@ def _surface(vertices: Array, corners: Ints, mu: Array, L: float) -> _Surface:
 
 def _grow(surface: _Surface, seed: int, cos_angle: float, band: float) -> Ints:
     normal = surface.smooth[seed]
-    height = surface.vertices @ normal
-    height -= height[surface.corners[seed]].mean()
-    near = (np.abs(height) <= band)[surface.corners].all(axis=1)
-    near &= (surface.nhat @ normal >= cos_angle) | (surface.smooth @ normal >= cos_angle)
-    near[seed] = False
-    near = np.append(near, False)  # Of neighbour -1, which is none.
+    level = (surface.vertices[surface.corners[seed]] @ normal).mean()
+    met = np.zeros(len(surface.corners) + 1, dtype=bool)
+    met[[seed, -1]] = True  # The last is neighbour -1, which is none.
     frontier = np.array([seed])
     found = [frontier]
     while len(frontier):
-        around = np.zeros_like(near)
-        around[surface.neighbors[frontier]] = True
-        frontier = np.flatnonzero(around & near)
-        near[frontier] = False
+        fresh = np.zeros_like(met)
+        fresh[surface.neighbors[frontier]] = True
+        around = np.flatnonzero(fresh & ~met)
+        met[around] = True
+        height = surface.vertices[surface.corners[around]] @ normal - level
+        near = (np.abs(height) <= band).all(axis=1)
+        near &= (surface.nhat[around] @ normal >= cos_angle) | (
+            surface.smooth[around] @ normal >= cos_angle
+        )
+        frontier = around[near]
         found.append(frontier)
     return np.concatenate(found)
 
 
-def _fit(surface: _Surface, members: Ints, L: float) -> Patch | None:
-    """The plane of the mean normal through the mean point; None for what is too small."""
+def _fit(surface: _Surface, members: Ints, L: float, least: float) -> Patch | None:
+    """The plane of the mean normal through the mean point; None for an inradius below `least`."""
     area, nhat = surface.area[members], surface.nhat[members]
-    if area.sum() < np.pi * (_NARROWEST * L) ** 2:
-        return None
     weight = area / area.sum()
     R_BF = face_frame(tidy(weight @ nhat))
     corners = surface.corners[members]
     points = surface.vertices[corners] @ R_BF
     offset = float(weight @ points[:, :, 2].mean(axis=1))
     upright = nhat @ R_BF[:, 2] > _FOLDED
-    outline = _outline(points[upright, :, :2], L)
+    outline = _outline(points[upright, :, :2], L, least)
     if outline is None:
         return None
     reach = float(np.abs(points[:, :, 2] - offset).max())
     return Patch(R_BF, offset, outline, reach, members, float(surface.mu[members[0]]))
 
 
-def _outline(triangles: Array, L: float) -> shapely.Polygon | None:
+def _outline(triangles: Array, L: float, least: float) -> shapely.Polygon | None:
     """The widest polygon of the union of triangles (k, 3, 2), without whiskers, simplified."""
     parts = shapely.get_parts(merged(shapely.polygons(triangles), _GRID * L))
     parts = parts[shapely.get_dimensions(parts) == 2]
     width = float(rough_inradius(parts).max(initial=0))
-    if width < _NARROWEST * L:
+    if width < least:
         return None
     whisker = min(_NARROW * L, width / 2)
     core = shapely.buffer(parts, -whisker, quad_segs=2)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.geometry.cavities import Cavities
 from drake_polygrasp.geometry.inradius import inradius, rough_inradius
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.triangles import unit_normals, winding_numbers
@@ -81,6 +82,8 @@ class Polyhedron:
     are."""
     primitives: tuple[Primitive, ...] = ()
     """The curved solids among the parts; their triangles are inscribed in them."""
+    cavities: Cavities | None = None
+    """The rooms that the parts seal, whose walls are no faces; None when there are none."""
 
     @property
     def watertight(self) -> bool:
@@ -117,6 +120,24 @@ class Regions:
     num_left_out: int
     """Faces too narrow for a finger."""
 
+    def take(self, kept: Bools) -> Regions:
+        """Those that `kept` says, shape (n,)."""
+        num_rings, num_vertices = np.diff(self.region_offsets), np.diff(self.ring_offsets)
+        rings = np.repeat(kept, num_rings)
+        return Regions(
+            polygon_F=frozen(self.polygon_F[kept], object),
+            face=frozen(self.face[kept], np.int64),
+            R_BF=frozen(self.R_BF[kept]),
+            p_BF=frozen(self.p_BF[kept]),
+            nhat_TB_B=frozen(self.nhat_TB_B[kept]),
+            mu=frozen(self.mu[kept]),
+            area=frozen(self.area[kept]),
+            p_BV=frozen(self.p_BV[np.repeat(rings, num_vertices)]),
+            ring_offsets=frozen(np.append(0, np.cumsum(num_vertices[rings])), np.int64),
+            region_offsets=frozen(np.append(0, np.cumsum(num_rings[kept])), np.int64),
+            num_left_out=self.num_left_out,
+        )
+
 
 def surface_vertices(polyhedron: Polyhedron) -> Array:
     """The vertices of all faces in B [m], with repetitions, shape (V, 3)."""
@@ -140,14 +161,15 @@ def volume_centroid(polyhedron: Polyhedron) -> Array:
 
     From the exposed surface, so that parts that overlap count once: the flux of x through the
     faces is 3 V, that of x_i x is 4 V times the centroid. The facets of patches count by
-    themselves, those of curved solids as the polyhedra inscribed in them.
+    themselves, those of curved solids as the polyhedra inscribed in them. Sealed cavities count as
+    full.
     """
     planar = [k for k, face in enumerate(polyhedron.faces) if face.primitive or not face.reach]
     faces = [polyhedron.faces[k] for k in planar]
     rest = ~np.isin(polyhedron.triangle_face, planar)
     if len(planar) == len(polyhedron.faces):
         rest[:] = False  # What belongs to no face is covered.
-    rest[rest] = ~_covered(polyhedron, polyhedron.triangles_B[rest])
+    rest[rest] = ~_hidden(polyhedron, polyhedron.triangles_B[rest])
     nhat, area = unit_normals(polyhedron.triangles_B[rest])
     polygons = np.array([face.polygon_F for face in faces], dtype=object)
     xy = shapely.get_coordinates(shapely.centroid(polygons))
@@ -161,15 +183,15 @@ def volume_centroid(polyhedron: Polyhedron) -> Array:
     return np.asarray(about + 3 / 4 * flux @ (centroid - about) / flux.sum())
 
 
-def _covered(polyhedron: Polyhedron, triangles: Array) -> Bools:
-    """Whether the middle of each of some triangles is inside a closed shell."""
+def _hidden(polyhedron: Polyhedron, triangles: Array) -> Bools:
+    """Whether the middle of each of some triangles is inside a closed shell or a cavity."""
     nhat, _ = unit_normals(triangles)
-    outside = triangles.mean(axis=1) + FLATNESS * polyhedron.diameter * nhat
-    shells = polyhedron.triangles_B
-    return (
-        winding_numbers(outside, shells if polyhedron.closed is None else shells[polyhedron.closed])
-        > 0
-    )
+    middle, shells = triangles.mean(axis=1), polyhedron.triangles_B
+    closed = shells if polyhedron.closed is None else shells[polyhedron.closed]
+    hidden = winding_numbers(middle + FLATNESS * polyhedron.diameter * nhat, closed) > 0
+    if polyhedron.cavities is not None:
+        hidden |= polyhedron.cavities.sealed_at(middle, -nhat)
+    return hidden
 
 
 def is_convex(polyhedron: Polyhedron) -> bool:

@@ -53,7 +53,8 @@ def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
     A face is flat; its triangles lie up to `FLATNESS` L off it, those of a patch farther. Contacts
     p_BC [m], shape (M, 3), move along the normals of their faces `face`, shape (M,), to the
     outermost triangle there, and take on its normal; on patches of a curved solid they take its
-    nearest point. Where that is covered, or the triangle a sliver, there is no seat.
+    nearest point. Where that is covered or in a sealed cavity, or the triangle is a sliver, there
+    is no seat.
     """
     p_BC, nhat_TB_B, ok = p_BC.copy(), np.zeros_like(p_BC), np.zeros(len(p_BC), dtype=bool)
     facets = facets_of(polyhedron)
@@ -68,6 +69,8 @@ def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
     is_patch = np.array([on.reach > 0 for on in polyhedron.faces])
     doubtful = np.flatnonzero(ok & (is_patch[face] | bool(polyhedron.primitives)))
     ok[doubtful] = ~is_covered(polyhedron, p_BC[doubtful], nhat_TB_B[doubtful])
+    if polyhedron.cavities is not None:
+        ok &= ~polyhedron.cavities.sealed_at(p_BC, nhat_TB_B)
     return Seats(p_BC, nhat_TB_B, ok)
 
 
@@ -187,19 +190,26 @@ def edge_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
     return distance
 
 
+def least_tip(polyhedron: Polyhedron, tip_radius: float) -> float:
+    """The radius of the sphere that must fit [m].
+
+    A point, of `tip_radius` 0, must still find the surface open to the width of a `CRACK`.
+    """
+    return max(tip_radius, CRACK / 2 * polyhedron.diameter)
+
+
 def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: float) -> Bools:
     """Whether a sphere of `tip_radius` [m] that touches from outside penetrates nothing.
 
     Of contacts p_BC [m] on the exposed surface with inward normals, both (M, 3); shape (M,). The
     distance from the sphere's centre to all triangles and curved solids decides: beside the
     contact the sphere is outside every part, and one that crosses none is outside all the way.
-    Facets may rise out of their face by `FLATNESS` L. A point, of radius 0, must still find the
-    surface open to the width of a `CRACK`.
+    Facets may rise out of their face by `FLATNESS` L. Tips have the radius of `least_tip` at least.
     """
     if is_convex(polyhedron):
         return np.ones(len(p_BC), dtype=bool)
     L = polyhedron.diameter
-    tip_radius = max(tip_radius, CRACK / 2 * L)
+    tip_radius = least_tip(polyhedron, tip_radius)
     p_BT = p_BC - tip_radius * nhat_TB_B
     reach = tip_radius - 2 * FLATNESS * L
     blocked, _, _ = pairs_closer_than(p_BT, polyhedron.triangles_B, reach)

@@ -8,6 +8,7 @@ overlap, they wind more than once around a point; inside is what they wind aroun
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -98,8 +99,27 @@ def merged(triangles: Polygons, grid: float) -> shapely.Geometry:
 
 
 def restore(geometries: Polygons, vertices: Array, grid: float) -> Polygons:
-    """Undo what rounding to the grid, which makes overlays robust, did to given vertices (k, 2)."""
-    return np.asarray(shapely.snap(geometries, shapely.multipoints(vertices), 2 * grid))
+    """Undo what rounding to the grid, which makes overlays robust, did to given vertices (k, 2).
+
+    Of polygons, and into polygons: where snapping closes a gap, one may become several.
+    """
+    return valid(shapely.snap(geometries, shapely.multipoints(vertices), 2 * grid))
+
+
+def valid(polygons: Sequence[shapely.Polygon] | Polygons) -> Polygons:
+    """The polygons, in place of those whose rings cross the nearest that do not."""
+    polygons = np.array(polygons, dtype=object)
+    broken = ~shapely.is_valid(polygons)
+    polygons[broken] = shapely.make_valid(
+        polygons[broken], method="structure", keep_collapsed=False
+    )
+    return areas_of(polygons)
+
+
+def areas_of(geometries: Sequence[shapely.Geometry] | Polygons) -> Polygons:
+    """Their polygons, without the points and lines that overlays leave where areas touch."""
+    parts = shapely.get_parts(shapely.get_parts(np.asarray(geometries, dtype=object)))
+    return np.asarray(parts[shapely.get_dimensions(parts) == 2])
 
 
 def _segments(corners: Ints, height: Array, xy: Array) -> Array:

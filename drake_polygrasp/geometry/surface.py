@@ -1,7 +1,8 @@
 """From collision triangles to the faces of the exposed surface (Section 2 of the paper).
 
 A body is a union of closed shells. Triangles of one plane are merged into polygons, and what lies
-inside or against another shell is cut away. Where a body is curved or noisy, facets make patches.
+inside or against another shell, or in a cavity that they seal, is cut away. Where a body is curved
+or noisy, facets make patches.
 """
 
 from __future__ import annotations
@@ -14,18 +15,22 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.geometry.patches import PATCH_ANGLE, Patch, curved_triangles, grow_patches
+from drake_polygrasp.geometry.cavities import Cavities, find_cavities
+from drake_polygrasp.geometry.patches import Patch, check_tolerances, curved_triangles, grow_patches
 from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive, sagitta, tessellation
-from drake_polygrasp.geometry.sections import Mesh, Plane, Polygons, covered, merged, restore
-from drake_polygrasp.geometry.triangles import (
-    diameter,
-    face_frame,
-    oriented_shells,
-    unit_normals,
-    weld,
-    winding_numbers,
+from drake_polygrasp.geometry.sections import (
+    Mesh,
+    Plane,
+    Polygons,
+    areas_of,
+    covered,
+    merged,
+    restore,
+    valid,
 )
+from drake_polygrasp.geometry.shells import oriented_shells, weld, without_doubles
+from drake_polygrasp.geometry.triangles import diameter, face_frame, unit_normals, winding_numbers
 
 _JUST_OUTSIDE = 1e-5
 """Times L, ours: where to look whether a facet is covered."""
@@ -48,7 +53,7 @@ def curved_part(primitive: Primitive, mu: float) -> Part:
 
 
 def build_polyhedron(
-    parts: Sequence[Part], patch_angle: float = PATCH_ANGLE, patch_depth: float | None = None
+    parts: Sequence[Part], patch_angle: float | None = None, patch_depth: float | None = None
 ) -> Polyhedron:
     """The exposed surface of the union of `parts`, as planar faces and near-planar patches.
 
@@ -56,15 +61,22 @@ def build_polyhedron(
     largest triangle and their normals are not opposed. Faces of different friction are never
     merged; where they coincide the lesser friction holds. On a body of very many planes, facets
     that are not of a broad one make patches, in which normals lean by at most `patch_angle` [rad]
-    from the middle's and vertices lie about `patch_depth` [m] off the plane (default: 0.005 L).
+    (default: 12 degrees) from the middle's and vertices lie about `patch_depth` [m] off the plane
+    (default: 0.005 L).
 
-    Raises ModelError when the parts enclose nothing.
+    Raises ModelError when the parts enclose nothing, UsageError for an angle or a depth that no
+    patch has.
     """
+    check_tolerances(patch_angle, patch_depth)
     if not sum(len(part.triangles_B) for part in parts):
         raise ModelError("the collision geometry has no triangles")
     L = diameter(np.concatenate([part.triangles_B.reshape(-1, 3) for part in parts]))
     mesh = _mesh(parts, LENGTH_TOLERANCE * L)
     triangles = mesh.vertices[mesh.corners]
+    primitives = tuple(part.primitive for part in parts if part.primitive is not None)
+    cavities = None
+    if not _is_one_solid(mesh):
+        cavities = find_cavities(triangles, mesh.closed[mesh.shell], primitives, L)
     faces: list[Face] = []
     triangle_face = np.full(len(triangles), -1, dtype=np.int64)
     is_curved = (mesh.curve < 0) & curved_triangles(mesh.vertices, mesh.corners, L, FLATNESS * L)
@@ -72,10 +84,14 @@ def build_polyhedron(
         curve = mesh.curve[plane.triangles[0]]
         solid = parts[curve].primitive if curve >= 0 else None
         reach = 0.0 if solid is None else sagitta(solid, triangles[plane.triangles])
-        new = [replace(f, reach=reach, primitive=solid) for f in _exposed_faces(mesh, plane, L)]
+        new = [
+            replace(face, reach=reach, primitive=solid)
+            for face in _exposed_faces(mesh, plane, L)
+            if cavities is None or not _is_sealed(face, cavities)
+        ]
         triangle_face[plane.triangles] = _largest_overlap(mesh, plane, new, len(faces))
         faces.extend(new)
-    facets = _exposed_facets(mesh, triangles, is_curved, L)
+    facets = _exposed_facets(mesh, triangles, is_curved, cavities, L)
     for patch in grow_patches(
         mesh.vertices, mesh.corners[facets], mesh.mu[facets], L, patch_angle, patch_depth
     ):
@@ -92,7 +108,8 @@ def build_polyhedron(
         triangles_B=frozen(triangles),
         triangle_face=frozen(position[triangle_face], np.int64),
         closed=frozen(mesh.closed[mesh.shell], bool),
-        primitives=tuple(part.primitive for part in parts if part.primitive is not None),
+        primitives=primitives,
+        cavities=cavities,
     )
 
 
@@ -101,12 +118,30 @@ def _patch_face(patch: Patch) -> Face:
     return Face(frozen(patch.R_BF), frozen(p_BF), patch.polygon_F, patch.mu, patch.reach)
 
 
-def _exposed_facets(mesh: Mesh, triangles: Array, among: Bools, L: float) -> Ints:
-    """Those of which no sample is inside a shell; facets are small."""
+def _is_one_solid(mesh: Mesh) -> bool:
+    """Whether the body is one shell that does not meet itself: it covers nothing of itself."""
+    return len(mesh.closed) == 1 and bool(mesh.simple.all())
+
+
+def _is_sealed(face: Face, cavities: Cavities) -> bool:
+    """Whether all of a face is in a cavity; in parts of others, contacts find no seat."""
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(face.polygon_F))
+    xy = shapely.get_coordinates(shapely.centroid(pieces))
+    p_BC = face.p_BF + xy @ face.R_BF[:, :2].T
+    return bool(cavities.sealed_at(p_BC, np.tile(face.nhat_TB_B, (len(p_BC), 1))).all())
+
+
+def _exposed_facets(
+    mesh: Mesh, triangles: Array, among: Bools, cavities: Cavities | None, L: float
+) -> Ints:
+    """Those of which no sample is inside a shell, nor the middle in a cavity; facets are small."""
     facets = np.flatnonzero(among)
-    if len(mesh.closed) == 1 and mesh.simple.all():
+    if _is_one_solid(mesh):
         return facets
     nhat, _ = unit_normals(triangles[facets])
+    if cavities is not None:
+        free = ~cavities.sealed_at(triangles[facets].mean(axis=1), -nhat)
+        facets, nhat = facets[free], nhat[free]
     middle = triangles[facets].mean(axis=1)[:, None]
     samples = np.concatenate([middle, 0.9 * triangles[facets] + 0.1 * middle], axis=1)
     samples = samples + _JUST_OUTSIDE * L * nhat[:, None]
@@ -122,7 +157,7 @@ def _mesh(parts: Sequence[Part], tolerance: float) -> Mesh:
     kinds: list[tuple[Bools, Bools]] = []
     for k, part in enumerate(parts):
         own, corners = np.split(corners, [len(part.triangles_B)])
-        shells = oriented_shells(vertices, own)
+        shells = oriented_shells(vertices, without_doubles(own))
         curve = np.full(len(shells.corners), -1)
         if part.primitive is not None:
             nhat, _ = unit_normals(vertices[shells.corners])
@@ -176,7 +211,7 @@ def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
         return [_face(plane, pieces[0], mu[0])]
     grid = LENGTH_TOLERANCE * L
     if alone and (mu == mu[0]).all():
-        whole = _areas([merged(pieces, grid)])
+        whole = areas_of([merged(pieces, grid)])
         return [_face(plane, polygon, mu[0]) for polygon in _tidy_polygons(whole, L)]
     cover = _NOTHING if alone else covered(mesh, plane, near, L)
     vertices = np.concatenate([xy[corners].reshape(-1, 2), shapely.get_coordinates(cover)])
@@ -185,8 +220,8 @@ def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
     for value in np.unique(mu):
         own = merged(pieces[mu == value], grid)
         free = shapely.difference(own, taken, grid_size=grid)
-        taken = shapely.union_all(_areas([taken, own]), grid_size=grid)
-        free = restore(_areas([free]), vertices, grid)
+        taken = shapely.union_all(areas_of([taken, own]), grid_size=grid)
+        free = restore(areas_of([free]), vertices, grid)
         faces += [_face(plane, polygon, value) for polygon in _tidy_polygons(free, L)]
     return faces
 
@@ -206,12 +241,6 @@ def _face(plane: Plane, polygon: shapely.Polygon, mu: float) -> Face:
     return Face(frozen(plane.R_BF), frozen(p_BF), polygon, float(mu))
 
 
-def _areas(geometries: Sequence[shapely.Geometry]) -> Polygons:
-    """Their polygons, without the points and lines that overlays leave where areas touch."""
-    parts = shapely.get_parts(shapely.get_parts(np.asarray(geometries, dtype=object)))
-    return np.asarray(parts[shapely.get_dimensions(parts) == 2])
-
-
 def _tidy_polygons(polygons: Polygons, L: float) -> list[shapely.Polygon]:
     """Without collinear vertices, nor polygons or holes narrower than 2 `FLATNESS` L."""
     tidied: list[shapely.Polygon] = []
@@ -219,7 +248,8 @@ def _tidy_polygons(polygons: Polygons, L: float) -> list[shapely.Polygon]:
         holes = shapely.polygons(np.array(part.interiors, dtype=object))
         shell, *rest = (_corners(ring, L) for ring in [part.exterior, *part.interiors])
         kept = [ring for ring, wide in zip(rest, _wide(holes, L), strict=True) if wide]
-        tidied.append(shapely.orient_polygons(shapely.Polygon(shell, kept)))
+        # A hole that touches the rim at a vertex may reach beyond the straightened rim.
+        tidied += shapely.orient_polygons(valid([shapely.Polygon(shell, kept)])).tolist()
     return tidied
 
 

@@ -135,8 +135,10 @@ def _read_document(
             _read_document(resolve(uri, path.parent, packages), packages, files, including)
     else:
         root = files.documents[path] = read_xml(path)
-        reader = _read_mjcf if root.tag == "mujoco" else _read_sdf_or_urdf
-        reader(root, path, packages, files, including)
+        if root.tag == "mujoco":
+            _read_mjcf(root, path.parent, files, including)
+        else:
+            _read_sdf_or_urdf(root, path, packages, files, including)
 
 
 def _read_sdf_or_urdf(
@@ -161,18 +163,39 @@ def _read_sdf_or_urdf(
 
 
 def _read_mjcf(
-    root: ElementTree.Element,
-    path: Path,
-    packages: PackageMap,
-    files: ModelFiles,
-    including: tuple[Path, ...],
+    root: ElementTree.Element, folder: Path, files: ModelFiles, including: tuple[Path, ...]
 ) -> None:
-    compiler = root.find("compiler")
-    folder = path.parent
-    if compiler is not None:
-        folder = folder / (compiler.get("meshdir") or compiler.get("assetdir") or "")
-    for element in root.iter():
-        if element.tag == "include":
-            _read_document(path.parent / element.get("file", ""), packages, files, including)
-        elif element.tag == "mesh" and element.get("file"):
-            files.meshes[folder / element.get("file", "")] = None
+    """As Drake does: what is included stands in the model itself, and the last compiler rules."""
+    _splice_includes(root, folder, files, including)
+    assets = folder
+    for compiler in root.findall("compiler"):
+        stated = compiler.get("meshdir", compiler.get("assetdir"))
+        assets = assets if stated is None else folder / stated
+    for mesh in root.iter("mesh"):
+        if mesh.get("file"):
+            files.meshes[assets / mesh.get("file", "")] = None
+
+
+def _splice_includes(
+    element: ElementTree.Element, folder: Path, files: ModelFiles, including: tuple[Path, ...]
+) -> None:
+    """Put the elements of included files in the place of each include, at any depth.
+
+    Their names are relative to `folder`, that of the model, also where included files include.
+    """
+    children: list[ElementTree.Element] = []
+    for child in element:
+        if child.tag == "include":
+            if not child.get("file"):
+                raise ModelError(f"{including[-1]}: an include names no file; name one")
+            path = folder / child.get("file", "")
+            if path.resolve() in including:
+                raise ModelError(f"{path}: includes itself; break the circle")
+            files.documents.setdefault(path, None)
+            root = read_xml(path)
+            _splice_includes(root, folder, files, (*including, path.resolve()))
+            children += root
+        else:
+            _splice_includes(child, folder, files, including)
+            children.append(child)
+    element[:] = children

@@ -9,31 +9,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from pydrake.geometry import GeometryId, SceneGraphInspector, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody, SpatialInertia
 
-from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.errors import ModelError, UsageError
-from drake_polygrasp.geometry.patches import PATCH_ANGLE
-from drake_polygrasp.geometry.polyhedron import (
-    FLATNESS,
-    Polyhedron,
-    farthest_distance,
-    volume_centroid,
-)
-from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.grasp import GraspObject, ModelSource
+from drake_polygrasp.loading.body_object import (
+    DEFAULT_MU,
+    MassProperties,
+    check_friction,
+    collision_surface,
+    lesser_friction,
+    object_of,
+    stated_friction,
+)
 from drake_polygrasp.loading.model_source import is_uri
-from drake_polygrasp.loading.model_statements import MAX_FRICTION, Statements, read_statements
-from drake_polygrasp.loading.parsed_model import blaming, parse_model
-from drake_polygrasp.loading.shapes import is_hull, part_of
-
-DEFAULT_MU = 0.3
-"""The paper's own coefficient, for models that state none."""
-_FRICTION = f"it must be above 0 and at most {MAX_FRICTION:g}"
+from drake_polygrasp.loading.model_statements import Statements, read_statements
+from drake_polygrasp.loading.parsed_model import parse_model
+from drake_polygrasp.loading.shapes import is_hull
 
 
 @dataclass(frozen=True)
@@ -54,7 +48,7 @@ def load_object(
     body_name: str | None = None,
     mu: float | None = None,
     package_paths: Sequence[str | Path] = (),
-    patch_angle: float = PATCH_ANGLE,
+    patch_angle: float | None = None,
     patch_depth: float | None = None,
 ) -> GraspObject:
     """Load the body to grasp from a file that Drake's Parser reads.
@@ -64,14 +58,14 @@ def load_object(
     collision geometry; `model::body` tells bodies of one name apart. `mu` replaces the friction
     of the model, which is else the lesser of each geometry's static and dynamic coefficients:
     in discrete time Drake's bodies slide at the dynamic one. Surfaces of very many facets become
-    patches whose normals lean by at most `patch_angle` [rad] and whose facets lie about
-    `patch_depth` [m] (default: 0.005 of the diameter) off a plane.
+    patches whose normals lean by at most `patch_angle` [rad] (default: 12 degrees) and whose
+    facets lie about `patch_depth` [m] (default: 0.005 of the diameter) off a plane.
 
     Raises ModelError when a file is missing or malformed, the body cannot be told, or its
-    collision geometry is nothing to hold; UsageError when `mu` is not above 0.
+    collision geometry is nothing to hold; UsageError when `mu` is not above 0 or a patch cannot
+    be as asked for.
     """
-    if mu is not None and not 0 < mu <= MAX_FRICTION:
-        raise UsageError(f"the friction given for {model_file} is {mu}; {_FRICTION}")
+    check_friction(mu, str(model_file))
     files, plant, scene_graph, body, warnings = parse_model(model_file, body_name, package_paths)
     statements = read_statements(files.documents, body.name())
     where = f"{files.model_file}: body '{body.name()}'"
@@ -82,30 +76,18 @@ def load_object(
         warnings += assumed
     else:
         friction = [mu] * len(geometries)
-    polyhedron = _polyhedron(inspector, geometries, friction, where, patch_angle, patch_depth)
-    if not polyhedron.watertight:
-        warnings.append(f"{where}: its surface is not closed; what lies inside is a guess")
+    polyhedron = collision_surface(inspector, geometries, friction, where, patch_angle, patch_depth)
     has_mass = statements.mass and body.default_mass() > 0
-    mass, p_BBcm = _mass(plant, body) if has_mass else (None, volume_centroid(polyhedron))
-    if mass is None:
-        warnings.append(f"{where} states no mass; its centre is taken to be that of the volume")
-    with np.errstate(all="ignore"):
-        rho = farthest_distance(polyhedron, p_BBcm)
-    if not np.isfinite(rho):
-        raise ModelError(f"{where}: its centre of mass is beyond measure; state it in metres")
-    return GraspObject(
-        polyhedron=polyhedron,
-        mass=mass,
-        p_BBcm=frozen(p_BBcm),
-        rho=rho,
-        source=ModelSource(
-            model_file=model_file if is_uri(model_file) else files.model_file.absolute(),
-            sha256=files.sha256,
-            model_name=plant.GetModelInstanceName(body.model_instance()),
-            body_name=body.name(),
-        ),
-        warnings=tuple(dict.fromkeys(warnings)),
+    source = ModelSource(
+        model_file=model_file if is_uri(model_file) else files.model_file.absolute(),
+        sha256=files.sha256,
+        model_name=plant.GetModelInstanceName(body.model_instance()),
+        body_name=body.name(),
+        patch_angle=patch_angle,
+        patch_depth=patch_depth,
     )
+    stated = _mass(plant, body) if has_mass else None
+    return object_of(polyhedron, stated, where, warnings, source)
 
 
 def load_solid(source: ModelSource, package_paths: Sequence[str | Path] = ()) -> Solid:
@@ -137,64 +119,18 @@ def _friction(
     friction: list[float] = []
     warnings: list[str] = []
     for k, geometry in enumerate(geometries):
-        properties = inspector.GetProximityProperties(geometry)
-        name = inspector.GetName(geometry)
-        stated = properties.HasProperty("material", "coulomb_friction")
-        if stated:
-            pair = properties.GetProperty("material", "coulomb_friction")
-            static, dynamic = pair.static_friction(), pair.dynamic_friction()
-            # Drake's default; only the file can tell whether it was meant.
-            stated = (static, dynamic) != (1, 1) or statements.state_friction(k, len(geometries))
-        if not stated:
+        pair = stated_friction(inspector, geometry)
+        # Drake's default; only the file can tell whether it was meant.
+        if pair is None or (pair == (1, 1) and not statements.state_friction(k, len(geometries))):
             friction.append(DEFAULT_MU)
             warnings.append(f"{where} states no friction; {DEFAULT_MU} is assumed")
-            continue
-        friction.append(min(static, dynamic))
-        if static != dynamic:
-            warnings.append(
-                f"{where}: the friction of '{name}' is {static} static, {dynamic} dynamic; "
-                f"{min(static, dynamic)} is used, for Drake's discrete contact slides at the latter"
-            )
-        if not 0 < friction[-1] <= MAX_FRICTION:
-            raise ModelError(f"{where}: the friction of '{name}' is {friction[-1]}; {_FRICTION}")
+        else:
+            mu, said = lesser_friction(*pair, inspector.GetName(geometry), where)
+            friction.append(mu)
+            warnings += said
     return friction, warnings
 
 
-def _polyhedron(
-    inspector: SceneGraphInspector,
-    geometries: list[GeometryId],
-    friction: Sequence[float],
-    where: str,
-    patch_angle: float,
-    patch_depth: float | None,
-) -> Polyhedron:
-    parts: list[Part] = []
-    for geometry, mu in zip(geometries, friction, strict=True):
-        shape = inspector.GetShape(geometry)
-        with blaming(where):
-            part = part_of(shape, inspector.GetPoseInFrame(geometry), mu)
-        if part is None:
-            raise ModelError(
-                f"{where}: collision geometry '{inspector.GetName(geometry)}' is a "
-                f"{type(shape).__name__}, which fingers cannot hold; remove it or replace it"
-            )
-        parts.append(part)
-    try:
-        polyhedron = build_polyhedron(parts, patch_angle, patch_depth)
-    except ModelError as error:
-        raise ModelError(f"{where}: {error}") from error
-    if _is_flat(polyhedron):
-        raise ModelError(f"{where}: its surface is flat; a grasp needs a solid")
-    return polyhedron
-
-
-def _is_flat(polyhedron: Polyhedron) -> bool:
-    vertices = polyhedron.triangles_B.reshape(-1, 3)
-    about = vertices - vertices.mean(axis=0)
-    _, axes = np.linalg.eigh(about.T @ about)
-    return bool(np.ptp(about @ axes[:, 0]) <= FLATNESS * polyhedron.diameter)
-
-
-def _mass(plant: MultibodyPlant, body: RigidBody) -> tuple[float, Array]:
+def _mass(plant: MultibodyPlant, body: RigidBody) -> MassProperties:
     context = plant.CreateDefaultContext()
-    return body.get_mass(context), body.CalcCenterOfMassInBodyFrame(context)
+    return MassProperties(body.get_mass(context), body.CalcCenterOfMassInBodyFrame(context))

@@ -15,6 +15,8 @@
 | beyond | triples of sample points, however many | search.py | best_triples | test_search.py |
 | beyond | contacts that move while epsilon rises | improvement.py | improved | test_improvement.py |
 | beyond | h(w) as a function of places on faces | face_support.py | face_twists | test_search.py |
+| beyond | how near to the best grasp there is | optimum.py | bound_optimum | test_gap.py |
+| beyond | what bounds epsilon while contacts move | cell_bounds.py | bounded | test_gap.py |
 | beyond | where fingertips have room | tip_room.py | with_tip_room | test_search.py |
 
 Section 2 (faces, edges) is geometry/polyhedron.py; Section 3 (force closure) is

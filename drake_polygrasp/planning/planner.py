@@ -51,6 +51,7 @@ Method = Literal["enriched", "paper"]
 
 REASONS = (
     "certified",
+    "excluded",
     "orientation",
     "rl_empty",
     "rs_empty",
@@ -61,6 +62,7 @@ REASONS = (
     "wrong_order",
     "collinear",
     "tip_blocked",
+    "obstructed",
     "not_force_closure",
     "undecided",
     "not_evaluated",

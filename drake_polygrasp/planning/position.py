@@ -28,6 +28,7 @@ from drake_polygrasp.planning.planar import (
     strips_polygon,
     unit,
 )
+from drake_polygrasp.wrench import cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ class PlaneDirections:
         Returns:
             Areas (M,), and the centroids as vectors within the plane through B's origin, (M, 3).
         """
-        axes = np.stack([self.that[:, 0], np.cross(self.nhat_B, self.that[:, 0])], axis=1)
+        axes = np.stack([self.that[:, 0], cross(self.nhat_B, self.that[:, 0])], axis=1)
         that_2 = np.einsum("mij,mkj->mik", self.that, axes)
         area, centroid = area_and_centroid(strips_polygon(that_2, self.turn, low, high))
         return area, np.einsum("mk,mkj->mj", centroid, axes)
@@ -68,9 +69,9 @@ class PlaneDirections:
 def plane_directions(N: Array, nhat: Array) -> PlaneDirections:
     """Directions on Pi_l from its normal, shape (M, 3), and the three normals, shape (M, 3, 3)."""
     nprime = unit(nhat - dot(N[:, None], nhat)[..., None] * N[:, None])
-    that = np.cross(N[:, None], nprime)
+    that = cross(N[:, None], nprime)
     turn = np.stack(
-        [dot(N, np.cross(that[:, (i + 1) % 3], that[:, (i + 2) % 3])) for i in range(3)], axis=1
+        [dot(N, cross(that[:, (i + 1) % 3], that[:, (i + 2) % 3])) for i in range(3)], axis=1
     )
     return PlaneDirections(N, that, nprime, turn)
 
@@ -91,7 +92,21 @@ def region_rl(
 def strip_rs(
     edges: Boundary, region: Ints, on: PlaneDirections, apex: Array, gamma: Array
 ) -> tuple[Array, Array]:
-    """Steps 1.4 to 2.2: the bounds of R^s along N, from the portions A_li within the cones C_ri.
+    """Steps 1.4 to 2.2: the bounds of R^s along N, common to the portions A_li.
+
+    Args as of `portion_heights`.
+
+    Returns:
+        low and high [m], each of shape (M,); low > high where they have no height in common.
+    """
+    low, high = portion_heights(edges, region, on, apex, gamma)
+    return low.max(axis=1), high.min(axis=1)
+
+
+def portion_heights(
+    edges: Boundary, region: Ints, on: PlaneDirections, apex: Array, gamma: Array
+) -> tuple[Array, Array]:
+    """Steps 1.4 to 2.1: the bounds along N of the portions A_li within the cones C_ri.
 
     Args:
         edges: boundary of all regions.
@@ -101,7 +116,7 @@ def strip_rs(
         gamma: half-angle alpha - phi of C_ri [rad], shape (M,).
 
     Returns:
-        low and high [m], each of shape (M,); low > high where a portion is empty.
+        low and high [m], each of shape (M, 3); low > high where a portion is empty.
     """
     rows = np.repeat(np.arange(len(region)), 3)
     low, high = _cone_heights(
@@ -113,7 +128,7 @@ def strip_rs(
         apex[rows],
         np.tan(gamma)[rows],
     )
-    return low.reshape(-1, 3).max(axis=1), high.reshape(-1, 3).min(axis=1)
+    return low.reshape(-1, 3), high.reshape(-1, 3)
 
 
 def _cone_heights(

@@ -28,6 +28,7 @@ from drake_polygrasp.planning.planar import (
 )
 from drake_polygrasp.planning.position import Opposed, PlaneDirections
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP
+from drake_polygrasp.wrench import cross
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +180,18 @@ def cut_nonparallel(
     return joined(found)
 
 
+def cut_without_p(
+    regions: Regions, edges: Boundary, planes: Planes, axis: Array, scale: Scale
+) -> Cut:
+    """The segments of planes at their first offset where P is empty: to show why it is.
+
+    Args as of `cut_nonparallel`, and the axes to measure along, shape (M, 3, 3).
+    """
+    segments = _segments(regions, edges, planes.region, planes.nhat_B, planes.height, axis, scale)
+    area_p, p_Bc = np.zeros(len(planes.owner)), np.full((len(planes.owner), 3), np.nan)
+    return _cut(planes, planes.region, planes.height, segments, area_p, p_Bc, scale)
+
+
 def cut_parallel(regions: Regions, edges: Boundary, planes: Planes, scale: Scale) -> Cut:
     """P of parallel sets: hull(a_1, a_2, a_3) cut with the strip along n_bs tangent to a_1."""
     heights = np.column_stack([planes.height, other_heights(planes)])
@@ -250,7 +263,7 @@ def cut_two_faces(
 
 
 def _across(planes: Planes) -> Array:
-    return np.cross(planes.along_B, planes.nhat_B)
+    return cross(planes.along_B, planes.nhat_B)
 
 
 def _beside_pocket(segments: Section, sets: Opposed, pocket: Shapes) -> Array:

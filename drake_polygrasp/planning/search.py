@@ -26,9 +26,11 @@ MOST_POINTS = 1200
 """Ours: 3e8 triples, some seconds; of more regions the largest are sampled."""
 PASSES = 2
 """Ours: the second pass uses the directions that the first one's winners resist least."""
+MOST_PASSES = 4
+"""Ours, where none of the triples holds yet, as on flat objects that lie on a table."""
 SOURCES = 24
 """Grasps whose weakest directions are taken in each pass, ours."""
-KEPT = 150
+KEPT = 400
 """Triples kept in each pass at least, ours; of many points, as many."""
 DRAWN = 3000
 """Triples drawn where no grasp is known before, ours."""
@@ -73,8 +75,8 @@ def best_triples(
         num_points: how many points to sample, at least one in each region.
 
     Returns:
-        Triples that are force closure, at most as many as points or `KEPT` from each of `PASSES`
-        passes, those of the last pass first.
+        Triples that are force closure, at most as many as points or `KEPT` from each pass, those
+        of the last one first.
     """
     region, p_FC = sample_points(regions, num_points)
     if len(region) < 3:
@@ -84,7 +86,9 @@ def best_triples(
         known = _drawn(regions, region, p_BC)
     w, found = np.empty((0, 6)), known.take(np.arange(0))
     sources = known.take(np.arange(min(SOURCES, len(known.region))))
-    for _ in range(PASSES):
+    for number in range(MOST_PASSES):
+        if number >= PASSES and len(found.region):
+            break
         w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
         twists = face_twists(regions, region, w, p_BBcm, rho)
         rows = cover(twists.support(p_FC[:, None])[:, 0], max(KEPT, len(region)))

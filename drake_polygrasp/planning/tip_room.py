@@ -1,8 +1,8 @@
 """Beyond the paper: the parts of regions where fingertips have room, before contacts are sought.
 
 Contacts that move freely end where faces are longest, often in inner corners of the object, where
-no fingertip fits. Whether one fits at last is decided on the true surface (seating.py); here
-regions lose what is near to anything that rises out of their face.
+no fingertip fits. Whether one fits at last is decided on the true surface (geometry/seating.py);
+here regions lose what is near to anything that rises out of their face, and to obstacles.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, frozen
+from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions, is_convex
+from drake_polygrasp.geometry.seating import least_tip
 from drake_polygrasp.planning.planar import Shapes
 
 _FLAT = 4 * FLATNESS
@@ -22,24 +24,75 @@ _QUARTER = 4
 """Segments of a quarter circle; the polygon is drawn around the circle."""
 
 
-def with_tip_room(regions: Regions, polyhedron: Polyhedron, tip_radius: float) -> Regions:
+def with_tip_room(
+    regions: Regions,
+    polyhedron: Polyhedron,
+    tip_radius: float,
+    obstacles: Obstacles | None = None,
+) -> Regions:
     """The regions with polygons, possibly empty or of several parts, that leave room for a tip.
 
     A sphere of `tip_radius` [m] that touches a remaining point from outside penetrates nothing
-    that rises from the face; a little more than necessary is removed beside slanted walls.
+    that rises from the face and no obstacle; a little more than necessary is removed beside slanted
+    walls.
     """
-    if tip_radius <= 0 or is_convex(polyhedron):
-        return regions
-    # The facets of a patch rise from its plane and are its face all the same.
-    reach = 2 * np.array([face.reach for face in polyhedron.faces])[regions.face]
-    lowest = np.maximum(_FLAT * polyhedron.diameter, reach)
+    L = polyhedron.diameter
+    if tip_radius > 0 and not is_convex(polyhedron):
+        # The facets of a patch rise from its plane and are its face all the same.
+        reach = 2 * np.array([face.reach for face in polyhedron.faces])[regions.face]
+        lowest = np.maximum(_FLAT * L, reach)
+        regions = _beside(regions, polyhedron.triangles_B, lowest, tip_radius)
+    if obstacles is not None:
+        tip_radius = least_tip(polyhedron, tip_radius)
+        lowest = np.full(len(regions.face), _FLAT * L)
+        regions = _beside(regions, obstacles.surface_B, lowest, tip_radius)
+        regions = _outside(regions, obstacles, tip_radius)
+    return regions
+
+
+def _with_polygons(regions: Regions, polygons: Shapes) -> Regions:
+    return replace(regions, polygon_F=frozen(polygons, object), area=frozen(shapely.area(polygons)))
+
+
+def _beside(regions: Regions, triangles_B: Array, lowest: Array, tip_radius: float) -> Regions:
+    """Without what is near to the parts of triangles that rise above `lowest` [m], shape (n,)."""
     polygons = regions.polygon_F.copy()
+    least_B, most_B = triangles_B.min(axis=1), triangles_B.max(axis=1)
     for k, (polygon, low) in enumerate(zip(polygons, lowest, strict=True)):
-        triangles_F = (polyhedron.triangles_B - regions.p_BF[k]) @ regions.R_BF[k]
+        R_BF, p_BF = regions.R_BF[k], regions.p_BF[k]
+        corners_B = p_BF + _room(polygon, low, tip_radius) @ R_BF.T
+        near = (least_B <= corners_B.max(axis=0)).all(axis=1)
+        near &= (most_B >= corners_B.min(axis=0)).all(axis=1)
+        triangles_F = (triangles_B[near] - p_BF) @ R_BF
         rising = _near(triangles_F, polygon, low, tip_radius)
         if len(rising):
             polygons[k] = polygon - _blocked(rising, low, tip_radius)
-    return replace(regions, polygon_F=frozen(polygons, object), area=frozen(shapely.area(polygons)))
+    return _with_polygons(regions, polygons)
+
+
+def _outside(regions: Regions, obstacles: Obstacles, tip_radius: float) -> Regions:
+    """Without the parts on which the centre of a tip is inside an obstacle.
+
+    No tip on a part meets an obstacle's surface: on each, all centres are inside or none is.
+    """
+    polygons = regions.polygon_F.copy()
+    parts, owner = shapely.get_parts(polygons, return_index=True)
+    parts, owner = parts[~shapely.is_empty(parts)], owner[~shapely.is_empty(parts)]
+    xy = shapely.get_coordinates(shapely.point_on_surface(parts))
+    p_FT = np.column_stack([xy, np.full(len(parts), tip_radius)])
+    p_BT = regions.p_BF[owner] + np.einsum("nij,nj->ni", regions.R_BF[owner], p_FT)
+    inside = obstacles.contain(p_BT)
+    for k in np.unique(owner[inside]):
+        polygons[k] = shapely.MultiPolygon(parts[(owner == k) & ~inside].tolist())
+    return _with_polygons(regions, polygons)
+
+
+def _room(polygon: shapely.Polygon, low: float, tip_radius: float) -> Array:
+    """The corners of a box in F that holds all tips on the polygon, (8, 3)."""
+    x_0, y_0, x_1, y_1 = polygon.bounds
+    x = np.array([x_0 - tip_radius, x_1 + tip_radius])
+    y = np.array([y_0 - tip_radius, y_1 + tip_radius])
+    return np.stack(np.meshgrid(x, y, [low, 2 * tip_radius]), axis=-1).reshape(-1, 3)
 
 
 def _near(triangles_F: Array, polygon: shapely.Polygon, low: float, tip_radius: float) -> Array:

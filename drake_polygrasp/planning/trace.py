@@ -46,8 +46,8 @@ from drake_polygrasp.planning.position import (
     hull_of,
     opposed,
     plane_directions,
+    portion_heights,
     region_rl,
-    strip_rs,
 )
 from drake_polygrasp.planning.quality import q_positions
 from drake_polygrasp.planning.region_p import (
@@ -55,6 +55,7 @@ from drake_polygrasp.planning.region_p import (
     cut_nonparallel,
     cut_parallel,
     cut_two_faces,
+    cut_without_p,
     segment_hulls,
 )
 from drake_polygrasp.planning.traced import OnPiL, OnPiP, OnPiS, Trace
@@ -136,11 +137,13 @@ class _Steps:
         region = region[[first, *np.delete(np.arange(3), first)]]
         phi = np.arcsin(sine_of_parallel(self.regions.nhat_TB_B[region][None]))
         sets = opposed(self.regions, region[None], parallel.nhat_bs)
+        axes = np.stack([sets.u[0], sets.v[0]])
+        if self.reason == "not_opposed":
+            return self._projections(region, alpha, phi, axes)
         owner, direction = parallel_directions(sets, self.scale)
         planes, _ = opposed_planes(self.edges, sets, owner, direction, self.scale)
         auxiliary = shapely.intersection(sets.faces[:, 0], hull_of(sets.faces[:, 1:]))[0]
         cut = cut_parallel(self.regions, self.edges, planes, self.scale)
-        axes = np.stack([sets.u[0], sets.v[0]])
         return self._opposed(region, alpha, phi, planes, cut, [auxiliary] * len(owner), axes)
 
     def pair(self, region: Ints) -> Trace:
@@ -151,12 +154,14 @@ class _Steps:
         if self.reason == "orientation":
             return self._trace(region, alpha, phi)
         sets = opposed(regions, region[None], unit(nhat[:, 1] - nhat[:, 0]))
+        axes = np.stack([sets.u[0], sets.v[0]])
+        if self.reason == "not_opposed":
+            return self._projections(region, alpha, phi, axes)
         rows = choices(sets, scale)
         planes, kept = two_face_planes(edges, sets, rows, scale)
         cut = cut_two_faces(
             regions, edges, planes, sets, rows.widest[kept], rows.pocket[kept], scale
         )
-        axes = np.stack([sets.u[0], sets.v[0]])
         return self._opposed(region, alpha, phi, planes, cut, list(rows.pocket[kept]), axes)
 
     def _nonparallel(self, region: Ints, nhat: Array, alpha: Array) -> Trace:
@@ -168,14 +173,16 @@ class _Steps:
         if not meets[0]:
             return self._trace(region, alpha, phi, on_pi_l=on_pi_l)
         _, apex = on.polygon(low, high)
-        low, high = strip_rs(edges, region[None], on, apex, alpha - phi)
-        if not (low < high).all():
-            return self._trace(region, alpha, phi, on_pi_l=on_pi_l)
+        heights = np.stack(portion_heights(edges, region[None], on, apex, alpha - phi), axis=-1)
+        low, high = heights[..., 0].max(axis=1), heights[..., 1].min(axis=1)
+        if self.reason == "rs_empty":
+            axes = np.stack([np.cross(on.nprime[0, 0], N[0]), N[0]])
+            return self._projections(region, alpha, phi, axes, on_pi_l, heights[0])
         planes = nonparallel_planes(regions, edges, region[None], on, low, high, scale)
         cut = cut_nonparallel(regions, edges, planes, on.take(planes.owner), scale)
-        plane, row = self._chosen(planes, cut)
+        plane, cut = self._chosen(planes, cut, on.that)
         on_pi_s = self._on_pi_s(planes, plane, shapely.Polygon())
-        on_pi_p = None if row is None else self._on_pi_p(cut.take(np.array([row])), on)
+        on_pi_p = self._on_pi_p(cut, on)
         return self._trace(region, alpha, phi, on_pi_l, on_pi_s, on_pi_p)
 
     def _opposed(
@@ -189,25 +196,37 @@ class _Steps:
         axes_uv: Array,
     ) -> Trace:
         if not len(planes.owner):
-            faces = self._projected(region, axes_uv)
-            p_cm = axes_uv @ self.scale.p_BBcm
-            on_pi_s = OnPiS(axes_uv, faces, shapely.Polygon(), None, None, None, p_cm)
-            return self._trace(region, alpha, phi, None, on_pi_s, is_parallel=True)
-        plane, row = self._chosen(planes, cut)
-        axes = np.stack(
-            [np.cross(planes.along_B[plane], planes.nhat_B[plane]), planes.nhat_B[plane]]
-        )
+            return self._projections(region, alpha, phi, axes_uv)
+        across = np.cross(planes.along_B, planes.nhat_B)
+        plane, cut = self._chosen(planes, cut, np.repeat(across[:, None], 3, axis=1))
+        axes = np.stack([across[plane], planes.nhat_B[plane]])
         turned = shapely.transform(common[plane], lambda uv: uv @ (axes @ axes_uv.T).T)
         on_pi_s = self._on_pi_s(planes, plane, turned)
-        on_pi_p = None if row is None else self._on_pi_p(cut.take(np.array([row])), None)
-        if row is not None:
-            region = cut.region[row]
-        return self._trace(region, alpha, phi, None, on_pi_s, on_pi_p, is_parallel=True)
+        on_pi_p = self._on_pi_p(cut, None)
+        return self._trace(cut.region[0], alpha, phi, None, on_pi_s, on_pi_p, is_parallel=True)
 
-    def _chosen(self, planes: Planes, cut: Cut) -> tuple[int, int | None]:
-        """The plane and the row of `cut` that became the planner's candidate."""
+    def _projections(
+        self,
+        region: Ints,
+        alpha: Array,
+        phi: Array,
+        axes: Array,
+        on_pi_l: OnPiL | None = None,
+        heights: Array | None = None,
+    ) -> Trace:
+        """Where no plane Pi_p was found."""
+        faces, p_cm = self._projected(region, axes), axes @ self.scale.p_BBcm
+        on_pi_s = OnPiS(axes, faces, shapely.Polygon(), None, None, None, p_cm, heights)
+        return self._trace(region, alpha, phi, on_pi_l, on_pi_s, is_parallel=on_pi_l is None)
+
+    def _chosen(self, planes: Planes, cut: Cut, axis: Array) -> tuple[int, Cut]:
+        """The plane, and the row of `cut`, that became the planner's candidate.
+
+        Without one, the first plane, and what it cuts: measured along `axis`, shape (R, 3, 3).
+        """
         if self.best is None or not len(cut.owner):
-            return 0, None
+            first = planes.take(np.array([0]))
+            return 0, cut_without_p(self.regions, self.edges, first, axis[:1], self.scale)
         gap = np.linalg.norm(cut.p_Bc - self.best.p_BP, axis=1) / self.scale.diameter
         gap += np.linalg.norm(cut.nhat_B - self.best.nhat_B, axis=1)
         gap += (cut.region != self.best.region).any(axis=1)
@@ -215,7 +234,7 @@ class _Steps:
         row = int(np.lexsort((-q.prod(axis=1), np.round(gap, 9)))[0])
         turn = np.linalg.norm(planes.nhat_B - cut.nhat_B[row], axis=1)
         turn += np.linalg.norm(planes.along_B - cut.along_B[row], axis=1)
-        return int(np.argmin(turn)), row
+        return int(np.argmin(turn)), cut.take(np.array([row]))
 
     def _on_pi_l(
         self, region: Ints, on: PlaneDirections, low: Array, high: Array, gamma: Array, meets: bool
@@ -253,7 +272,11 @@ class _Steps:
         ends = outer_ends(cut.segments.intervals)[0]
         nhat = self.regions.nhat_TB_B[cut.region[0]]
         nprime = unit(nhat @ axes.T)
-        if on is None:
+        p_cI = axes @ cut.p_Bc[0]
+        if np.isnan(p_cI).any():
+            region_p, p_cI = shapely.Polygon(), None
+            directions = np.tile([0.0, 1.0], (3, 1)) if on is None else nprime
+        elif on is None:
             left, right = ends[0]
             _, bottom, _, top = hull.bounds
             region_p = hull & shapely.box(left, bottom, right, top)
@@ -270,7 +293,7 @@ class _Steps:
             directions,
             nprime,
             region_p,
-            axes @ cut.p_Bc[0],
+            p_cI,
             centroids(hull),
             axes @ self.scale.p_BBcm,
             p_BC @ axes.T if np.isfinite(p_BC).all() else None,

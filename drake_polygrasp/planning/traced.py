@@ -53,6 +53,9 @@ class OnPiS:
     """Of Pi_p [m], where R^s is not empty."""
     p_cm: Array
     """c_m^s [m], shape (2,)."""
+    heights: Array | None = None
+    """Bounds along N of the portions A_li of a non-parallel set [m], shape (3, 2); where a portion
+    is empty the lower is the greater."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +73,9 @@ class OnPiP:
     nprime: Array
     """Directions of the normals' projections, shape (3, 2)."""
     region_p: shapely.Polygon
-    """P."""
-    p_cI: Array
-    """c_I^p, centroid of P [m], shape (2,)."""
+    """P, which may be empty."""
+    p_cI: Array | None
+    """c_I^p, centroid of P [m], shape (2,), if it has one."""
     p_ca: Array
     """c_a, centroid of the segments' hull [m], shape (2,)."""
     p_cm: Array

@@ -28,7 +28,7 @@ STARTS = 12
 """Triples that are improved, ours."""
 PLACES = 2
 """Of them at most so many on one set of regions, ours: the next best are often the same place."""
-ROUNDS = 3
+ROUNDS = 6
 """Of improvement for all starts, ours."""
 FINALISTS = 6
 """Triples that are improved to the end, ours."""

@@ -10,6 +10,9 @@ import shapely
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
 
+FEW = 40
+"""Ours: more numbers than these hide each other, and the object."""
+
 
 def shape_triangles(face: Face, shape_F: shapely.Geometry, lift: float = 0.0) -> Array:
     """A shape on a face, in the coordinates of Fx and Fy [m], as triangles in B.
@@ -43,6 +46,27 @@ def surface_triangles(polyhedron: Polyhedron) -> Array:
 def is_curved(polyhedron: Polyhedron) -> bool:
     """Whether some faces are patches, which may overlap and only lie near the surface."""
     return any(face.reach > 0 for face in polyhedron.faces)
+
+
+def section_lines(polyhedron: Polyhedron, nhat_B: Array, height: float) -> Array:
+    """Where the plane nhat_B . p = height cuts the surface: lines [m], shape (E, 2, 3)."""
+    triangles = surface_triangles(polyhedron)
+    above = triangles @ nhat_B - height
+    # Half-open: a corner on the plane is below it, and two sides of a triangle cross or none.
+    following, above_following = np.roll(triangles, -1, axis=1), np.roll(above, -1, axis=1)
+    crosses = (above > 0) != (above_following > 0)
+    fraction = (above / np.where(crosses, above - above_following, 1.0))[..., None]
+    points: Array = (triangles + fraction * (following - triangles))[crosses]
+    return points.reshape(-1, 2, 3)
+
+
+def numbered_faces(polyhedron: Polyhedron) -> list[int]:
+    """Indices of faces that have their number whether touched or not: flat ones, if they are few.
+
+    Others are numbered where a grasp touches them.
+    """
+    flat = [k for k, face in enumerate(polyhedron.faces) if face.reach == 0]
+    return flat if len(flat) <= FEW else []
 
 
 def face_edges(faces: Sequence[Face]) -> Array:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 CONTACTS = ("#0072B2", "#E69F00", "#009E73")
 """Contacts, and the faces they are on, in the grasp's order: blue, orange, green."""
+HATCHES = ("////", "\\\\\\\\", "....")
+"""Of faces 1, 2 and 3, for print in grey."""
 PLANE = "#CC79A7"
 """The grasp plane Pi_p and the triangle in it: reddish purple."""
 OBJECT = "#9AA5B1"

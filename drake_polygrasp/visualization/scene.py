@@ -21,6 +21,7 @@ from drake_polygrasp.visualization.labels import label_F
 from drake_polygrasp.visualization.meshes import (
     face_edges,
     face_triangles,
+    numbered_faces,
     shape_triangles,
     surface_triangles,
 )
@@ -49,7 +50,8 @@ def draw_object(
 ) -> None:
     """Draws an object: translucent faces with their edges and numbers, and its centre of mass.
 
-    Patches of a curved surface have neither; a grasp numbers those that it touches.
+    Patches of a curved surface have neither, and many faces no numbers; a grasp numbers those that
+    it touches.
 
     Args:
         meshcat: where to draw; nothing but `path` is changed.
@@ -65,9 +67,8 @@ def draw_object(
     ends = face_edges(flat)
     if len(ends):
         meshcat.SetLineSegments(f"{path}/edges", ends[:, 0].T, ends[:, 1].T, 1.5, Rgba(*rgb(INK)))
-    for k, face in enumerate(faces):
-        if face.reach == 0:
-            _draw_number(meshcat, f"{path}/numbers/{k}", face, k, L, keep_clear_B)
+    for k in numbered_faces(object_.polyhedron):
+        _draw_number(meshcat, f"{path}/numbers/{k}", faces[k], k, L, keep_clear_B)
     _set_shape(meshcat, f"{path}/centre_of_mass", Sphere(_MARK * L), INK, 1.0, object_.p_BBcm)
 
 
@@ -97,6 +98,7 @@ def draw_grasp(
     contacts, certificate = grasp.grasp, grasp.certificate
     f_Bc_B = edge_forces(contacts.p_BC[None], certificate.internal_force[None])[0]
     tinted: set[int] = set()
+    numbered = numbered_faces(object_.polyhedron)
     for i, colour in enumerate(CONTACTS):
         p_BC, nhat_B, mu = contacts.p_BC[i], contacts.nhat_TB_B[i], float(contacts.mu[i])
         here = f"{path}/contact_{i + 1}"
@@ -105,7 +107,7 @@ def draw_grasp(
             tinted.add(k)
             face = object_.polyhedron.faces[k]
             _set_mesh(meshcat, f"{here}/face", face_triangles(face, _LIFT * L), colour, 0.45)
-            if face.reach > 0:
+            if k not in numbered:
                 _draw_number(meshcat, f"{here}/number", face, k, L, contacts.p_BC)
         tip = _TIP * L if tip_radius is None else tip_radius
         sphere, p_BT = Sphere(tip or _MARK * L), p_BC - tip * nhat_B
@@ -168,9 +170,29 @@ def look_at(meshcat: Meshcat, object_: GraspObject, grasp: AnyGrasp | None = Non
 
 def best_view(grasp: AnyGrasp | None) -> Array:
     """Unit vector from the object to the eye, shape (3,), as `look_at` chooses it."""
+    views = _views()
+    if grasp is None:
+        return np.asarray(views[0])
+    plane = np.abs(views @ grasp.grasp.grasp_plane.nhat_B)
+    # Rounded, so that of nearly equal views the first, a usual one, counts.
+    return np.asarray(views[np.argmax(np.round(plane + _seen(views, grasp.grasp.nhat_TB_B), 1))])
+
+
+def view_of_faces(nhat_B: Array) -> Array:
+    """Unit vector to an eye that sees most of faces with inward normals of shape (K, 3)."""
+    views = _views()
+    return np.asarray(views[np.argmax(np.round(_seen(views, nhat_B), 1))])
+
+
+def _seen(views: Array, nhat_B: Array) -> Array:
+    """How much of the faces each view sees, shape (V,)."""
+    return np.asarray(np.minimum(-views @ nhat_B.T, 0.5).sum(axis=1) / 3)
+
+
+def _views() -> Array:
     azimuth = np.radians(np.arange(-60, 300, 30))
     elevation = np.radians([[25], [45]])
-    views = np.stack(
+    views: Array = np.stack(
         np.broadcast_arrays(
             np.cos(elevation) * np.cos(azimuth),
             np.cos(elevation) * np.sin(azimuth),
@@ -178,12 +200,7 @@ def best_view(grasp: AnyGrasp | None) -> Array:
         ),
         axis=-1,
     ).reshape(-1, 3)
-    if grasp is None:
-        return np.asarray(views[0])
-    plane = np.abs(views @ grasp.grasp.grasp_plane.nhat_B)
-    touched = np.minimum(-views @ grasp.grasp.nhat_TB_B.T, 0.5).sum(axis=1)
-    # Rounded, so that of nearly equal views the first, a usual one, counts.
-    return np.asarray(views[np.argmax(np.round(plane + touched / 3, 1))])
+    return views
 
 
 def _draw_number(

@@ -71,6 +71,8 @@ def exhibit_file(path: Path | str, package_paths: Sequence[Path | str] = ()) -> 
         body_name=f"{stated.model_name}::{stated.body_name}",
         mu=file.plan.get("mu"),
         package_paths=package_paths,
+        patch_angle=stated.patch_angle,
+        patch_depth=stated.patch_depth,
     )
     if object_.source is not None and object_.source.sha256 != stated.sha256:
         changed = f"{model_file} has changed since {path} was written: its grasps may be off"
@@ -84,7 +86,7 @@ def write_page(exhibit: Exhibit, file: Path, title: str) -> None:
 
 
 def serve(exhibit: Exhibit) -> Iterator[str]:
-    """Serves a Meshcat and says where, then follows its slider until interrupted (Ctrl-C)."""
+    """Serves a Meshcat and says where, then follows its slider until KeyboardInterrupt."""
     meshcat, count = _drawn(exhibit), len(exhibit.grasps)
     if count > 1:
         meshcat.AddSlider(SLIDER, 1, count, 1, 1, "ArrowLeft", "ArrowRight")
@@ -92,14 +94,11 @@ def serve(exhibit: Exhibit) -> Iterator[str]:
     yield "contacts 1, 2, 3 and their faces are blue, orange, green; the grasp plane is purple"
     yield f"open {meshcat.web_url()} in a browser; Ctrl-C ends"
     rank = 1
-    try:
-        while True:
-            sleep(_POLL)
-            if count > 1 and (wanted := round(meshcat.GetSliderValue(SLIDER))) != rank:
-                rank = wanted
-                show_rank(meshcat, rank, count)
-    except KeyboardInterrupt:
-        return
+    while True:
+        sleep(_POLL)
+        if count > 1 and (wanted := round(meshcat.GetSliderValue(SLIDER))) != rank:
+            rank = wanted
+            show_rank(meshcat, rank, count)
 
 
 def _drawn(exhibit: Exhibit) -> Meshcat:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 import shapely
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
@@ -10,10 +12,17 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import surface_vertices
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.visualization.meshes import face_edges, face_triangles, surface_triangles
+from drake_polygrasp.visualization.meshes import (
+    face_edges,
+    face_triangles,
+    numbered_faces,
+    surface_triangles,
+)
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
-from drake_polygrasp.visualization.scene import FORCE_SCALE, AnyGrasp, best_view
+from drake_polygrasp.visualization.scene import FORCE_SCALE, AnyGrasp, best_view, view_of_faces
 from drake_polygrasp.wrench import edge_forces
+
+_MM = 1e3
 
 
 def draw_sketch(ax: Axes3D, object_: GraspObject, grasp: AnyGrasp | None = None) -> None:
@@ -26,36 +35,57 @@ def draw_sketch(ax: Axes3D, object_: GraspObject, grasp: AnyGrasp | None = None)
         object_: the object.
         grasp: what to draw on it.
     """
-    mm = 1e3
-    faces = object_.polyhedron.faces
-    tints: dict[int, str] = {}
+    tints = {} if grasp is None else _tints(grasp.grasp.faces)
+    _draw_surface(ax, object_, tints)
     if grasp is not None:
-        for index, colour in zip(grasp.grasp.faces, CONTACTS, strict=True):
-            tints.setdefault(index, colour)
+        _draw_contacts(ax, object_, grasp)
+    _turn(ax, best_view(grasp))
+
+
+def draw_faces(ax: Axes3D, object_: GraspObject, faces: Sequence[int]) -> None:
+    """Draws an object with some faces tinted and numbered; as `draw_sketch`."""
+    _draw_surface(ax, object_, _tints(faces))
+    _turn(ax, view_of_faces(np.array([-object_.polyhedron.faces[k].R_BF[:, 2] for k in faces])))
+
+
+def _tints(faces: Sequence[int]) -> dict[int, str]:
+    """Colours of faces 1, 2, 3, the first of those that a face has."""
+    return dict(reversed(list(zip(faces, CONTACTS, strict=True))))
+
+
+def _draw_surface(ax: Axes3D, object_: GraspObject, tints: Mapping[int, str]) -> None:
+    """The surface with tinted and numbered faces; all numbered, where none is tinted."""
+    faces = object_.polyhedron.faces
     for colour, triangles, opacity in (
         (OBJECT, surface_triangles(object_.polyhedron), 0.2),
         *((tint, face_triangles(faces[k]), 0.45) for k, tint in tints.items()),
     ):
-        ax.add_collection3d(Poly3DCollection(mm * triangles, facecolors=(*rgb(colour), opacity)))
-    flat = [face for face in faces if face.reach == 0]
-    ax.add_collection3d(Line3DCollection(mm * face_edges(flat), colors=INK, linewidths=0.7))
-    for k in tints or (k for k, face in enumerate(faces) if face.reach == 0):
+        ax.add_collection3d(Poly3DCollection(_MM * triangles, facecolors=(*rgb(colour), opacity)))
+    edges = _MM * face_edges([face for face in faces if face.reach == 0])
+    if len(edges):
+        ax.add_collection3d(Line3DCollection(edges, colors=INK, linewidths=0.7))
+    for k in tints or numbered_faces(object_.polyhedron):
         x, y = shapely.get_coordinates(shapely.point_on_surface(faces[k].polygon_F))[0]
         p_BN = faces[k].p_BF + faces[k].R_BF[:, :2] @ (x, y)
-        ax.text(*mm * p_BN, str(k), color=INK, fontsize=8, ha="center", va="center")
-    ax.plot(*mm * object_.p_BBcm[:, None], "o", color=INK, markersize=3)
-    if grasp is not None:
-        p_BC = grasp.grasp.p_BC
-        f_Bc_B = edge_forces(p_BC[None], grasp.certificate.internal_force[None])[0]
-        ax.add_collection3d(
-            Poly3DCollection(mm * p_BC[None], facecolors=(*rgb(PLANE), 0.4), edgecolors=PLANE)
-        )
-        scale = mm * FORCE_SCALE * object_.polyhedron.diameter
-        for p_BCi, f_B, colour in zip(p_BC, f_Bc_B, CONTACTS, strict=True):
-            ax.plot(*mm * p_BCi[:, None], "o", color=colour, markersize=6)
-            ax.quiver(*mm * p_BCi, *scale * f_B, color=colour, linewidth=2)
-    _frame(ax, mm * surface_vertices(object_.polyhedron))
-    x, y, z = best_view(grasp)
+        ax.text(*_MM * p_BN, str(k), color=INK, fontsize=9, weight="bold", ha="center", va="center")
+    ax.plot(*_MM * object_.p_BBcm[:, None], "o", color=INK, markersize=3)
+    _frame(ax, _MM * surface_vertices(object_.polyhedron))
+
+
+def _draw_contacts(ax: Axes3D, object_: GraspObject, grasp: AnyGrasp) -> None:
+    p_BC = grasp.grasp.p_BC
+    f_Bc_B = edge_forces(p_BC[None], grasp.certificate.internal_force[None])[0]
+    ax.add_collection3d(
+        Poly3DCollection(_MM * p_BC[None], facecolors=(*rgb(PLANE), 0.4), edgecolors=PLANE)
+    )
+    scale = _MM * FORCE_SCALE * object_.polyhedron.diameter
+    for p_BCi, f_B, colour in zip(p_BC, f_Bc_B, CONTACTS, strict=True):
+        ax.plot(*_MM * p_BCi[:, None], "o", color=colour, markersize=6)
+        ax.quiver(*_MM * p_BCi, *scale * f_B, color=colour, linewidth=2)
+
+
+def _turn(ax: Axes3D, eye: Array) -> None:
+    x, y, z = eye
     ax.view_init(elev=np.degrees(np.arcsin(z)), azim=np.degrees(np.arctan2(y, x)))
 
 

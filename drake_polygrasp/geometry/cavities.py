@@ -1,0 +1,116 @@
+"""Cavities that the parts of a body seal, where no finger gets (ours; no section of the paper).
+
+Parts that enclose a room touch, overlap or leave cracks, so that their surfaces alone do not tell
+inside from outside. A grid does: cells that the surface leaves free and that no chain of free
+neighbours joins to the outside are in a solid or in a cavity. A sphere as large as `sealed_at`
+says never leaves free cells, so what it reaches from outside is not sealed; ways narrower than a
+cell lead nowhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.geometry.primitives import Primitive
+from drake_polygrasp.geometry.shells import connected_components
+from drake_polygrasp.geometry.triangles import winding_numbers
+
+_CELLS = 128
+"""Per diameter L, ours: cells of 0.008 L, so that spheres of 0.0135 L, smaller than a fingertip,
+reach whatever is open to them."""
+_SAMPLES = 2
+"""Per side of a cell, ours: samples of the surface so near to each other leave no way through it
+from a cell to its neighbour."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cavities:
+    """The cells of a grid that are in sealed cavities."""
+
+    p_BG: Array
+    """The grid's least corner in B, shape (3,) [m]."""
+    side: float
+    """Of a cell [m]."""
+    sealed: Bools
+    """Shape (nx, ny, nz)."""
+
+    def sealed_at(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
+        """Whether contacts p_BC [m] with inward normals, both (M, 3), face a sealed cell, (M,).
+
+        A sphere that touches there from outside, of radius sqrt(3) times a cell's side, holds the
+        whole cell that its centre is in. If it fits, that cell is free, and tells; if it does not,
+        the contact passes.
+        """
+        center = p_BC - np.sqrt(3) * self.side * nhat_TB_B
+        cell = np.floor((center - self.p_BG) / self.side).astype(np.int64)
+        inside = ((cell >= 0) & (cell < self.sealed.shape)).all(axis=1)
+        found = np.zeros(len(p_BC), dtype=bool)
+        found[inside] = self.sealed[tuple(cell[inside].T)]
+        return found
+
+
+def find_cavities(
+    triangles: Array, closed: Bools, primitives: Sequence[Primitive], L: float
+) -> Cavities | None:
+    """The sealed cavities of a body of triangles (T, 3, 3) [m], outward; None when it has none.
+
+    `closed` (T,) are triangles of closed shells, which with the curved solids tell what is solid.
+    """
+    side = L / _CELLS
+    # A layer of cells all round is outside, whatever rounding does.
+    low = triangles.min(axis=(0, 1)) - 1.5 * side
+    shape = np.ceil((triangles.max(axis=(0, 1)) - low) / side).astype(np.int64) + 1
+    free = np.ones(tuple(shape), dtype=bool)
+    cells = np.floor((_samples(triangles, side / _SAMPLES) - low) / side).astype(np.int64)
+    free[tuple(cells.T)] = False
+    run, room = _rooms(free)
+    rooms = np.unique(room[room != room[0]])  # The first cell is outside.
+    first = np.searchsorted(run.ravel(), rooms)
+    middle = low + side * (np.column_stack(np.unravel_index(first, free.shape)) + 0.5)
+    solid = winding_numbers(middle, triangles[closed]) > 0
+    for primitive in primitives:
+        solid |= primitive.distance(middle) < 0
+    if solid.all():
+        return None
+    sealed = free & np.isin(room, rooms[~solid])[run]
+    return Cavities(frozen(low), float(side), frozen(sealed, bool))
+
+
+def _samples(triangles: Array, spacing: float) -> Array:
+    """Points of triangles (T, 3, 3), of each in rows along its longest side, shape (N, 3)."""
+    length = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    turn = (np.argmax(length, axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
+    longest = length.max(axis=1)
+    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.where(longest > 0, longest, 1)
+    columns = np.ceil(longest / spacing).astype(np.int64) + 1
+    rows = np.ceil(height / spacing).astype(np.int64) + 1
+    owner = np.repeat(np.arange(len(triangles)), columns * rows)
+    place = np.arange(len(owner)) - np.repeat(
+        np.cumsum(columns * rows) - columns * rows, columns * rows
+    )
+    u = (place % columns[owner] / np.maximum(columns[owner] - 1, 1))[:, None]
+    v = (place // columns[owner] / np.maximum(rows[owner] - 1, 1))[:, None]
+    return np.asarray((1 - v) * (a[owner] + u * (b - a)[owner]) + v * c[owner])
+
+
+def _rooms(free: Bools) -> tuple[Ints, Ints]:
+    """The run of free cells along z that each cell is in or behind, and the room of each run.
+
+    Shapes (nx, ny, nz) and (R,). Rooms, named by their first run, are what runs that are
+    neighbours join.
+    """
+    starts = free.copy()
+    starts[..., 1:] &= ~free[..., :-1]
+    run = np.cumsum(starts.ravel()).reshape(free.shape) - 1
+    links: list[tuple[Ints, Ints]] = []
+    for near, far in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+        both = free[near] & free[far]
+        both[..., 1:] &= ~both[..., :-1]  # Two runs that are neighbours are so from one cell on.
+        links.append((run[near][both], run[far][both]))
+    a, b = (np.concatenate(ends) for ends in zip(*links, strict=True))
+    return run, connected_components(int(run.flat[-1]) + 1, a, b)

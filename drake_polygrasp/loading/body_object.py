@@ -1,0 +1,141 @@
+"""A body's collision geometry in a SceneGraph as the object to grasp, whoever put it there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.geometry import GeometryId, SceneGraphInspector
+
+from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.geometry.polyhedron import (
+    FLATNESS,
+    Polyhedron,
+    farthest_distance,
+    volume_centroid,
+)
+from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.grasp import GraspObject, ModelSource
+from drake_polygrasp.loading.model_statements import MAX_FRICTION
+from drake_polygrasp.loading.parsed_model import blaming
+from drake_polygrasp.loading.shapes import part_of
+
+DEFAULT_MU = 0.3
+"""The paper's own coefficient, for models that state none."""
+_FRICTION = f"it must be above 0 and at most {MAX_FRICTION:g}"
+
+
+class MassProperties(NamedTuple):
+    """Of a body."""
+
+    mass: float
+    """[kg]"""
+    p_BBcm: Array
+    """Centre of mass [m], shape (3,)."""
+
+
+def check_friction(mu: float | None, where: str) -> None:
+    """Raises UsageError for a friction that somebody gave and nobody can have."""
+    if mu is not None and not 0 < mu <= MAX_FRICTION:
+        raise UsageError(f"the friction given for {where} is {mu}; {_FRICTION}")
+
+
+def stated_friction(
+    inspector: SceneGraphInspector, geometry: GeometryId
+) -> tuple[float, float] | None:
+    """Static and dynamic coefficient of a geometry, None where it has none."""
+    properties = inspector.GetProximityProperties(geometry)
+    if not properties.HasProperty("material", "coulomb_friction"):
+        return None
+    pair = properties.GetProperty("material", "coulomb_friction")
+    return pair.static_friction(), pair.dynamic_friction()
+
+
+def lesser_friction(
+    static: float, dynamic: float, name: str, where: str
+) -> tuple[float, tuple[str, ...]]:
+    """The coefficient to plan with, and what there is to say of it.
+
+    Raises ModelError when it is none that a grasp could hold with.
+    """
+    least = min(static, dynamic)
+    if not 0 < least <= MAX_FRICTION:
+        raise ModelError(f"{where}: the friction of '{name}' is {least}; {_FRICTION}")
+    if static == dynamic:
+        return least, ()
+    return least, (
+        f"{where}: the friction of '{name}' is {static} static, {dynamic} dynamic; "
+        f"{least} is used, for Drake's discrete contact slides at the latter",
+    )
+
+
+def collision_surface(
+    inspector: SceneGraphInspector,
+    geometries: Sequence[GeometryId],
+    friction: Sequence[float],
+    where: str,
+    patch_angle: float | None,
+    patch_depth: float | None,
+) -> Polyhedron:
+    """The exposed surface of a body's collision geometries, each with its friction.
+
+    Raises ModelError, naming `where`, when that is nothing to hold.
+    """
+    parts: list[Part] = []
+    for geometry, mu in zip(geometries, friction, strict=True):
+        shape = inspector.GetShape(geometry)
+        with blaming(where):
+            part = part_of(shape, inspector.GetPoseInFrame(geometry), mu)
+        if part is None:
+            raise ModelError(
+                f"{where}: collision geometry '{inspector.GetName(geometry)}' is a "
+                f"{type(shape).__name__}, which fingers cannot hold; remove it or replace it"
+            )
+        parts.append(part)
+    try:
+        polyhedron = build_polyhedron(parts, patch_angle, patch_depth)
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}") from error
+    if _is_flat(polyhedron):
+        raise ModelError(f"{where}: its surface is flat; a grasp needs a solid")
+    return polyhedron
+
+
+def _is_flat(polyhedron: Polyhedron) -> bool:
+    vertices = polyhedron.triangles_B.reshape(-1, 3)
+    about = vertices - vertices.mean(axis=0)
+    _, axes = np.linalg.eigh(about.T @ about)
+    return bool(np.ptp(about @ axes[:, 0]) <= FLATNESS * polyhedron.diameter)
+
+
+def object_of(
+    polyhedron: Polyhedron,
+    stated: MassProperties | None,
+    where: str,
+    warnings: Iterable[str],
+    source: ModelSource | None,
+) -> GraspObject:
+    """The object of a surface; without stated mass, its centre is that of the volume.
+
+    Raises ModelError, naming `where`, when the centre of mass is beyond measure.
+    """
+    said = list(warnings)
+    if not polyhedron.watertight:
+        said.append(f"{where}: its surface is not closed; what lies inside is a guess")
+    if stated is None:
+        said.append(f"{where} states no mass; its centre is taken to be that of the volume")
+    mass, p_BBcm = stated or (None, volume_centroid(polyhedron))
+    with np.errstate(all="ignore"):
+        rho = farthest_distance(polyhedron, p_BBcm)
+    if not np.isfinite(rho):
+        raise ModelError(f"{where}: its centre of mass is beyond measure; state it in metres")
+    return GraspObject(
+        polyhedron=polyhedron,
+        mass=mass,
+        p_BBcm=frozen(p_BBcm),
+        rho=rho,
+        source=source,
+        warnings=tuple(dict.fromkeys(said)),
+    )

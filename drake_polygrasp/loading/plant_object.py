@@ -1,0 +1,161 @@
+"""From a body of a plant in its user's diagram to the object to grasp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import Context
+
+from drake_polygrasp.errors import ModelError
+from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE
+from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.loading.body_object import (
+    DEFAULT_MU,
+    MassProperties,
+    check_friction,
+    collision_surface,
+    lesser_friction,
+    object_of,
+    stated_friction,
+)
+from drake_polygrasp.loading.live_plant import describe, query_of
+from drake_polygrasp.loading.object_model import load_object
+
+_ROUNDING = 1e-9
+"""Ours, relative: the same body by file and by code."""
+
+
+def object_from_plant(
+    plant: MultibodyPlant,
+    body: RigidBody,
+    context: Context,
+    *,
+    model_file: str | Path | None = None,
+    body_name: str | None = None,
+    mu: float | None = None,
+    package_paths: Sequence[str | Path] = (),
+    patch_angle: float | None = None,
+    patch_depth: float | None = None,
+) -> GraspObject:
+    """The object to grasp, from a body of a plant.
+
+        context = plant.GetMyContextFromRoot(diagram_context)
+        body = plant.GetBodyByName("mug")
+        mug = object_from_plant(plant, body, context)
+        plan = plan_grasps(mug, obstacles=obstacles_from_plant(plant, body, context))
+
+    Args:
+        plant: finalized, and connected to a SceneGraph in a diagram.
+        body: what to grasp: its own collision geometry, not that of bodies welded to it, which
+            are obstacles.
+        context: the plant's, from the diagram's; its parameters state mass and centre of mass.
+        model_file: the file that the body came from, a path or a package:// URI. It is needed to
+            write a grasp file, which names its model; without it, `source` is None. The object is
+            then the file's, once its body proves to be the same solid.
+        body_name: the body's name in `model_file` (default: its name in the plant).
+        mu: replaces the friction of the plant, which is else the lesser of each geometry's static
+            and dynamic coefficients; with `model_file`, the file's.
+        package_paths: folders to search for the packages of `model_file`.
+        patch_angle: how far normals of a patch may lean [rad], as of `load_object`.
+        patch_depth: how far its facets may lie off a plane [m], as of `load_object`.
+
+    Raises:
+        UsageError: when plant, body and context do not belong together, or `mu` is not above 0.
+        ModelError: when the collision geometry is nothing to hold, or `model_file` cannot be
+            loaded or has another solid, or more friction, than the plant.
+    """
+    inspector = query_of(plant, body, context).inspector()
+    where = describe(body)
+    check_friction(mu, where)
+    geometries = [
+        geometry
+        for geometry in plant.GetCollisionGeometriesForBody(body)
+        if inspector.GetProximityProperties(geometry) is not None
+    ]
+    if not geometries:
+        raise ModelError(f"{where} has no collision geometry; a grasp needs what fingers can touch")
+    friction, warnings = _friction(inspector, geometries, mu, where)
+    surface = collision_surface(inspector, geometries, friction, where, patch_angle, patch_depth)
+    warnings += _welded(plant, body, where)
+    live = object_of(surface, _mass(body, context), where, warnings, None)
+    if model_file is None:
+        return live
+    filed = load_object(
+        model_file,
+        body_name=body_name or body.name(),
+        mu=mu,
+        package_paths=package_paths,
+        patch_angle=patch_angle,
+        patch_depth=patch_depth,
+    )
+    for difference in _differences(live, filed):
+        raise ModelError(f"{where} is not what {model_file} has: {difference}")
+    return filed
+
+
+def _friction(
+    inspector: SceneGraphInspector,
+    geometries: Sequence[GeometryId],
+    mu: float | None,
+    where: str,
+) -> tuple[list[float], list[str]]:
+    """The coefficient of each geometry, and what there is to say of it."""
+    if mu is not None:
+        return [mu] * len(geometries), []
+    friction: list[float] = []
+    warnings: list[str] = []
+    for geometry in geometries:
+        name, pair = inspector.GetName(geometry), stated_friction(inspector, geometry)
+        if pair is None:
+            friction.append(DEFAULT_MU)
+            warnings.append(f"{where} states no friction; {DEFAULT_MU} is assumed")
+            continue
+        least, said = lesser_friction(*pair, name, where)
+        friction.append(least)
+        warnings += said
+        if pair == (1, 1):
+            warnings.append(
+                f"{where}: the friction of '{name}' is 1, which is also Drake's where a model "
+                "states none; give mu to plan with less"
+            )
+    return friction, warnings
+
+
+def _mass(body: RigidBody, context: Context) -> MassProperties | None:
+    mass = body.get_mass(context)
+    if not 0 < mass < np.inf:
+        return None
+    return MassProperties(mass, body.CalcCenterOfMassInBodyFrame(context))
+
+
+def _welded(plant: MultibodyPlant, body: RigidBody, where: str) -> list[str]:
+    others = [other for other in plant.GetBodiesWeldedTo(body) if other.index() != body.index()]
+    if not others:
+        return []
+    names = ", ".join(f"'{other.scoped_name()}'" for other in others)
+    return [f"{where} is welded to {names}; neither mass nor surface of these is counted"]
+
+
+def _differences(live: GraspObject, filed: GraspObject) -> Iterator[str]:
+    """Why a grasp of the file's object would be none of the plant's."""
+    here, there = live.polyhedron, filed.polyhedron
+    slack = LENGTH_TOLERANCE * there.diameter
+    if here.triangles_B.shape != there.triangles_B.shape:
+        yield "the collision geometry differs"
+    elif not (np.abs(here.triangles_B - there.triangles_B) <= slack).all():
+        yield "the collision geometry differs in size or place"
+    if filed.mass is not None:
+        if live.mass is None or abs(live.mass - filed.mass) > _ROUNDING * filed.mass:
+            yield f"its mass is {live.mass} kg, the file's {filed.mass} kg"
+        if not (np.abs(live.p_BBcm - filed.p_BBcm) <= _ROUNDING * filed.rho).all():
+            yield (
+                f"its centre of mass is {live.p_BBcm.tolist()}, the file's {filed.p_BBcm.tolist()}"
+            )
+    mu = [[face.mu for face in polyhedron.faces] for polyhedron in (here, there)]
+    if len(mu[0]) != len(mu[1]) or any(a < b for a, b in zip(*mu, strict=True)):
+        yield f"its friction is {min(mu[0])}, the file's {max(mu[1])}; give mu to plan with less"

@@ -1,0 +1,187 @@
+"""From the other bodies of a plant's scene to the obstacles around the one to grasp."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from typing import Any, TypeAlias
+
+import numpy as np
+from pydrake.geometry import Box, GeometryId, HalfSpace, QueryObject, Role, SceneGraphInspector
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.systems.framework import Context
+
+from drake_polygrasp.arrays import Array, Bools, frozen
+from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.geometry.obstacles import Obstacles
+from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE
+from drake_polygrasp.geometry.shells import oriented_shells, weld
+from drake_polygrasp.geometry.surface import Part
+from drake_polygrasp.loading.live_plant import describe, query_of
+from drake_polygrasp.loading.parsed_model import blaming
+from drake_polygrasp.loading.shapes import part_of
+
+Ignored: TypeAlias = RigidBody | ModelInstanceIndex | GeometryId
+
+
+def obstacles_from_plant(
+    plant: MultibodyPlant,
+    body: RigidBody,
+    context: Context,
+    *,
+    ignore: Collection[Ignored] = (),
+    reach: float | None = None,
+) -> Obstacles:
+    """What stands around a body, at the poses in the context.
+
+    All collision geometry of the scene but the body's own counts, that of bodies welded to it too.
+    A Mesh is its true surface, as in Drake's signed distance to a point, and not its convex hull.
+
+        obstacles = obstacles_from_plant(plant, body, context, ignore=[gripper_model])
+        plan = plan_grasps(object_, obstacles=obstacles)
+        p_BC = plan.grasps[0].grasp.p_BC
+        p_WC = (obstacles.X_WB @ p_BC.T).T
+
+    Args:
+        plant: finalized, and connected to a SceneGraph in a diagram.
+        body: what is grasped.
+        context: the plant's, from the diagram's.
+        ignore: bodies, model instances and geometries that are no obstacles, such as the gripper.
+        reach: what is farther from the body's bounding box is left out [m], which must be at least
+            a fingertip's diameter (default: the box's diagonal).
+
+    Raises:
+        UsageError: when plant, body and context do not belong together, or `reach` is no length.
+        ModelError: when the body has no collision geometry, or an obstacle's cannot be measured.
+    """
+    query = query_of(plant, body, context)
+    inspector = query.inspector()
+    body_frame = plant.GetBodyFrameIdOrThrow(body.index())
+    X_WB = query.GetPoseInWorld(body_frame)
+    own = inspector.GetGeometries(body_frame, Role.kProximity)
+    corners = [_corners_B(inspector, g, inspector.GetPoseInFrame(g)) for g in own]
+    bounded = [c for c in corners if c is not None]
+    if not bounded:
+        raise ModelError(f"{describe(body)} has no collision geometry that fingers can hold")
+    low, high = np.min(bounded, axis=(0, 1)), np.max(bounded, axis=(0, 1))
+    if reach is None:
+        reach = float(np.linalg.norm(high - low))
+    if not 0 <= reach < np.inf:
+        raise UsageError(f"reach is {reach}; it must be a length in metres, 0 or more")
+
+    parts: dict[GeometryId, Part] = {}
+    for geometry in _others(plant, query, own, ignore):
+        part = _part(query, geometry, X_WB, (low - reach, high + reach))
+        if part is not None:
+            parts[geometry] = part
+    surfaces = [_outward(part) for part in parts.values() if part.primitive is None]
+    none = np.empty((0, 3, 3)), np.empty(0, dtype=bool)
+    triangles, closed = (np.concatenate(x) for x in zip(none, *surfaces, strict=True))
+    names = dict.fromkeys(_name(plant, inspector, geometry) for geometry in parts)
+    return Obstacles(
+        X_WB=X_WB,
+        names=tuple(names),
+        triangles_B=frozen(triangles),
+        closed=frozen(closed, bool),
+        primitives=tuple(p.primitive for p in parts.values() if p.primitive is not None),
+        reach=reach,
+    )
+
+
+def _others(
+    plant: MultibodyPlant,
+    query: QueryObject[Any],
+    own: Collection[GeometryId],
+    ignore: Collection[Ignored],
+) -> Iterator[GeometryId]:
+    """Collision geometries of the scene, in the order in which they came into it."""
+    inspector = query.inspector()
+    models = {item for item in ignore if isinstance(item, ModelInstanceIndex)}
+    bodies = {item.index() for item in ignore if isinstance(item, RigidBody)}
+    geometries = {item for item in ignore if isinstance(item, GeometryId)}.union(own)
+    for item in ignore:
+        if not isinstance(item, Ignored):
+            raise UsageError(
+                f"{item!r} cannot be ignored: name bodies, model instances, geometries"
+            )
+    for geometry in sorted(
+        inspector.GetAllGeometryIds(Role.kProximity), key=lambda geometry: geometry.get_value()
+    ):
+        body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+        of_body = body is not None and (body.index() in bodies or body.model_instance() in models)
+        if geometry not in geometries and not of_body:
+            yield geometry
+
+
+def _name(plant: MultibodyPlant, inspector: SceneGraphInspector, geometry: GeometryId) -> str:
+    """The body's; the geometry's own where it belongs to no body of the plant, or to the world."""
+    body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
+    if body is None or body.index() == plant.world_body().index():
+        return str(inspector.GetName(geometry))
+    return str(body.scoped_name())
+
+
+def _part(
+    query: QueryObject[Any],
+    geometry: GeometryId,
+    X_WB: RigidTransform,
+    near: tuple[Array, Array],
+) -> Part | None:
+    """A geometry as a part, None where its bounding box is outside the one that is near.
+
+    Of a half space, what of it is near.
+    """
+    inspector = query.inspector()
+    shape, name = inspector.GetShape(geometry), inspector.GetName(geometry)
+    if inspector.IsDeformableGeometry(geometry):
+        raise ModelError(f"obstacle '{name}' is deformable; put its geometry into `ignore`")
+    X_BG = X_WB.inverse() @ query.GetPoseInWorld(geometry)
+    if isinstance(shape, HalfSpace):
+        return _half_space(X_BG, near)
+    corners = _corners_B(inspector, geometry, X_BG)
+    if corners is not None:
+        apart = (corners.min(axis=0) > near[1]) | (corners.max(axis=0) < near[0])
+        if apart.any():
+            return None
+    with blaming(f"obstacle '{name}'"):
+        part = part_of(shape, X_BG, mu=0.0)
+    if part is None:
+        raise ModelError(
+            f"obstacle '{name}' is a {type(shape).__name__}, which has no surface to measure; "
+            "put its body or geometry into `ignore`"
+        )
+    return part
+
+
+def _half_space(X_BG: RigidTransform, near: tuple[Array, Array]) -> Part | None:
+    """The half space z_G <= 0 where it is near: a box that reaches as far beside and below."""
+    middle = (near[0] + near[1]) / 2
+    radius = float(np.linalg.norm(near[1] - near[0])) / 2
+    p_G = X_BG.inverse() @ middle
+    if p_G[2] > radius:
+        return None
+    depth = 2 * radius + max(0.0, -p_G[2])
+    p_GC = np.array([p_G[0], p_G[1], -depth / 2])
+    box = Box(4 * radius, 4 * radius, depth)
+    return part_of(box, X_BG @ RigidTransform(p_GC), mu=0.0)
+
+
+def _corners_B(
+    inspector: SceneGraphInspector, geometry: GeometryId, X_BG: RigidTransform
+) -> Array | None:
+    """Of the geometry's bounding box [m], shape (8, 3); None where it is not bounded."""
+    obb = inspector.GetObbInGeometryFrame(geometry)
+    if obb is None:
+        return None
+    signs = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0
+    X_BO = X_BG @ obb.pose()
+    return np.asarray((X_BO @ (signs * obb.half_width()).T).T)
+
+
+def _outward(part: Part) -> tuple[Array, Bools]:
+    """Triangles of the part's shells, turned outward, and whether each one's shell is closed."""
+    size = float(np.ptp(part.triangles_B.reshape(-1, 3), axis=0).max())
+    vertices, corners = weld(part.triangles_B, LENGTH_TOLERANCE * size)
+    shells = oriented_shells(vertices, corners)
+    return vertices[shells.corners], shells.closed[shells.shell]

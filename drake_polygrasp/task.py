@@ -1,0 +1,162 @@
+"""What to plan for, checked: an object, and what is asked of contacts beyond that they hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import comb
+from typing import Any, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_polygrasp.arrays import Ints
+from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
+from drake_polygrasp.geometry.obstacles import Obstacles
+from drake_polygrasp.geometry.polyhedron import (
+    CLEARANCE_OF_INRADIUS,
+    DEFAULT_CLEARANCE,
+    Regions,
+    erode,
+)
+from drake_polygrasp.geometry.seating import least_tip
+from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.planning.orientation import pairs, triples
+from drake_polygrasp.planning.planner import CODE, REASONS, UNJUDGED, Method, SetPlan, plan_sets
+from drake_polygrasp.planning.variants import Steps
+
+Codes = npt.NDArray[np.int8]
+TIP_RADIUS = 0.02
+"""Default fingertip radius times the diameter L, ours."""
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What to plan for, checked."""
+
+    object_: GraspObject
+    method: Method
+    every_face: Ints
+    """The face of each region that erosion leaves, shape (n,)."""
+    kept: Ints
+    """Those that are not excluded, shape (m,)."""
+    regions: Regions
+    """These, one row each."""
+    tip_radius: float
+    """Fingertips that must fit [m]."""
+    exclusion: Exclusion
+    obstacles: Obstacles | None
+    settings: dict[str, Any]
+    """What repeats it, for the grasp file."""
+
+    @property
+    def num_sets(self) -> int:
+        """Sets of three and of two regions, with those that have an excluded one."""
+        return _num_sets(len(self.every_face))
+
+    @property
+    def excluded_faces(self) -> tuple[int, ...]:
+        """Faces whose every set is excluded, ascending."""
+        return self.exclusion.excluded_faces(self.object_.polyhedron)
+
+    def counts(self, code: Codes) -> dict[str, int]:
+        """How many sets ended with each reason, by the codes of those that were evaluated."""
+        num_allowed = _num_sets(len(self.kept))
+        counts = np.bincount(code, minlength=len(REASONS))
+        counts[UNJUDGED] += num_allowed - len(code)
+        counts[CODE["excluded"]] += self.num_sets - num_allowed
+        return {reason: int(n) for reason, n in zip(REASONS, counts, strict=True) if n}
+
+    def with_excluded(self, sets: Ints, code: Codes) -> tuple[Ints, Codes]:
+        """Sets among `regions`, (M, 3), and their codes: the same for those of every region."""
+        if len(self.kept) == len(self.every_face):
+            return sets, code
+        every = all_sets(len(self.every_face))
+        codes = np.full(len(every), CODE["excluded"], dtype=np.int8)
+        codes[rows_of(every, np.append(self.kept, -1)[sets])] = code
+        return every, codes
+
+    def plan(self, steps: Steps, chosen: Ints | None = None) -> SetPlan:
+        """The paper's stages on all sets or on chosen ones."""
+        L = self.object_.polyhedron.diameter
+        return plan_sets(
+            self.regions,
+            self.object_.p_BBcm,
+            L,
+            self.object_.rho,
+            self.method,
+            spread=steps.spread,
+            chosen=chosen,
+        )
+
+
+def make_task(
+    object_: GraspObject,
+    method: Method,
+    edge_clearance: float | None,
+    tip_radius: float | None,
+    avoid_directions: Iterable[npt.ArrayLike],
+    exclude_faces: Iterable[int],
+    obstacles: Obstacles | None,
+) -> Task:
+    """The task that `plan_grasps` is given; see there.
+
+    Raises UsageError when a parameter is not what it may be.
+    """
+    if method not in get_args(Method):
+        raise UsageError(f"method is {method!r}; it must be one of {', '.join(get_args(Method))}")
+    for name, length in (("edge_clearance", edge_clearance), ("tip_radius", tip_radius)):
+        if length is not None and not 0 <= length < np.inf:
+            raise UsageError(f"{name} is {length}; it must be a length in metres, 0 or more")
+    L = object_.polyhedron.diameter
+    tip = TIP_RADIUS * L if tip_radius is None else tip_radius
+    settings: dict[str, Any] = {
+        "method": method,
+        "edge_clearance": DEFAULT_CLEARANCE * L if edge_clearance is None else edge_clearance,
+        "tip_radius": tip,
+    }
+    if edge_clearance is None:
+        settings["edge_clearance_share_of_inradius"] = CLEARANCE_OF_INRADIUS
+    excluded = exclusion(object_.polyhedron, avoid_directions, exclude_faces)
+    settings |= excluded.settings
+    if obstacles is not None:
+        width = 2 * least_tip(object_.polyhedron, tip)
+        if width > obstacles.reach:
+            raise UsageError(
+                f"obstacles are known within {obstacles.reach:g} m of the object, and a fingertip "
+                f"is {width:g} m wide; take them with a greater reach"
+            )
+        settings["obstacles"] = obstacles.names
+    regions = erode(object_.polyhedron, edge_clearance)
+    kept = ~excluded.avoids(regions.nhat_TB_B, regions.face)
+    return Task(
+        object_,
+        method,
+        regions.face,
+        np.flatnonzero(kept),
+        regions.take(kept),
+        tip,
+        excluded,
+        obstacles,
+        settings,
+    )
+
+
+def all_sets(num_regions: int) -> Ints:
+    """All triples, then all pairs with a third of -1, shape (M, 3)."""
+    couples = np.pad(pairs(num_regions), ((0, 0), (0, 1)), constant_values=-1)
+    return np.concatenate([*triples(num_regions), couples])
+
+
+def _num_sets(num_regions: int) -> int:
+    return comb(num_regions, 3) + comb(num_regions, 2)
+
+
+def rows_of(sets: Ints, wanted: Ints) -> Ints:
+    """Where each wanted set is among the sets, which hold it."""
+    weights = (int(sets.max(initial=0)) + 2) ** np.arange(3)[::-1]
+    keys = (sets + 1) @ weights
+    order = np.argsort(keys, kind="stable")
+    rows: Ints = order[np.searchsorted(keys[order], (wanted + 1) @ weights)]
+    return rows

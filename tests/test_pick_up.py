@@ -1,0 +1,165 @@
+"""Objects picked up from a table are held by the planned grasp, and slip without its friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_polygrasp import plan_grasps
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.certification.wrench_space import GRAVITY
+from examples.motion import SAMPLE, Task, plan_motion
+from examples.pick_up import Target, choose, fingertips, least_friction, main, pick_up, settle
+from examples.report import Event, Record, Report, judge
+from tests.plant_scenes import MODELS
+
+SHORT = Task(lift=0.05, rounds=1, hold=0.1)
+LIFTED = ["cube", "l_bracket", "u_channel"]
+X, _, Z = np.eye(3)
+
+
+def file_of(name: str) -> Path:
+    return MODELS / name / f"{name}.sdf"
+
+
+@cache
+def target(name: str) -> Target:
+    return choose(*settle(file_of(name)), SHORT)
+
+
+@cache
+def held(name: str) -> Report:
+    return pick_up(file_of(name), target(name), task=SHORT)
+
+
+@cache
+def slippery(name: str) -> Report:
+    """On less friction than any forces with the squeeze need for the weight."""
+    mu = 0.7 * least_friction(target(name))
+    return pick_up(file_of(name), target(name), mu, task=SHORT)
+
+
+@pytest.mark.parametrize("name", LIFTED)
+def test_an_object_is_lifted_shaken_and_held(name: str) -> None:
+    report = held(name)
+    assert report.held
+    assert report.raised == pytest.approx(SHORT.lift, abs=2e-4)
+    assert max(report.slip) < 1e-4
+    assert report.drift < 2e-4
+    assert report.turn < 2e-3
+
+
+@pytest.mark.parametrize("name", LIFTED)
+def test_without_friction_for_its_weight_it_slips_down_as_it_is_lifted(name: str) -> None:
+    report = slippery(name)
+    assert not report.held
+    assert report.slipped is not None
+    assert report.slipped.phase == "lift"
+    assert all(event is None or report.slipped <= event for event in report.lost)
+    assert min(report.slip) > report.max_slip
+    assert report.raised < SHORT.lift / 2  # On its edge a cube stands higher, on the table still.
+
+
+@pytest.mark.parametrize("name", LIFTED)
+@pytest.mark.parametrize("outcome", [held, slippery])
+def test_tips_squeeze_as_planned_and_do_not_move_the_object(
+    name: str, outcome: Callable[[str], Report]
+) -> None:
+    assert outcome(name).disturbance < 1e-4
+    assert outcome(name).push_error < 0.02
+
+
+def test_opposed_on_upright_faces_the_least_friction_is_the_weight_over_the_squeeze() -> None:
+    weight = 0.1512 * GRAVITY
+    np.testing.assert_allclose(target("cube").nhat_W[:, 2], 0.0, atol=1e-6)
+    expected = weight / target("cube").squeeze
+    assert least_friction(target("cube")) == pytest.approx(expected, abs=2e-3)
+
+
+def test_the_table_is_planned_around() -> None:
+    cube = target("cube")
+    freely = plan_grasps(cube.object_, top=1).grasps[0]
+    assert fingertips(replace(cube, found=freely)).p_WT[:, 2].min() < cube.tip_radius
+    assert fingertips(cube).p_WT[:, 2].min() > cube.tip_radius
+
+
+def test_fingertips_make_the_friction_of_the_pair() -> None:
+    planned = target("cube").found.grasp.mu
+    for mu in (0.1, 0.3, 0.5):
+        mu_T = fingertips(target("cube"), mu).mu
+        pair = 2 * mu_T * planned / (mu_T + planned)
+        np.testing.assert_allclose(pair, np.minimum(planned, mu))
+
+
+def test_the_hand_moves_as_accelerated_and_comes_to_rest_above_where_it_started() -> None:
+    task = Task(lift=0.1, shake=3.0, rounds=2, hold=0.5)
+    motion = plan_motion(task)
+    np.testing.assert_allclose(motion.p_WH[-1], task.lift * Z, atol=1e-12)
+    v_WH = np.cumsum(motion.a_WH, axis=0) * SAMPLE
+    np.testing.assert_allclose(v_WH[-1], 0.0, atol=1e-12)
+    measured = np.diff(motion.p_WH, n=2, axis=0) / SAMPLE**2
+    np.testing.assert_allclose(measured, motion.a_WH[1:-1], atol=0.1 * task.shake)
+    assert np.abs(motion.a_WH[:, :2]).max(axis=0) == pytest.approx(task.shake, rel=0.02)
+    for phase in ("approach", "squeeze"):
+        assert motion.progress_in(phase)[[0, -1]] == pytest.approx([0.0, 1.0], abs=1e-3)
+
+
+def judged(X_HB: list[RigidTransform], push: Array) -> Report:
+    """Of an object of 0.1 m whose first contact is pushed along x; its lift begins at sample 90."""
+    motion = plan_motion(Task(hold=1.0))
+    p_BC, p_BBcm = np.array([[0.0, 0.02, 0.0], [0.0] * 3, [0.0] * 3]), np.zeros(3)
+    record = Record(tuple(X_HB), np.zeros(len(X_HB)), push, np.full_like(push, 2.0))
+    return judge(record, motion, p_BC, np.array([X, X, X]), p_BBcm, 0.1)
+
+
+def test_what_moves_along_the_normal_drifts_and_what_moves_across_it_slips() -> None:
+    still, push = [RigidTransform()] * 90, np.full((100, 3), 2.0)
+    along = judged(still + [RigidTransform(5e-4 * X)] * 10, push)
+    assert along.drift == pytest.approx(5e-4)
+    assert along.slip == pytest.approx((0.0, 0.0, 0.0))
+    assert along.held
+    across = judged(still + [RigidTransform(2e-3 * Z)] * 10, push)
+    assert across.slip == pytest.approx((2e-3, 2e-3, 2e-3))
+    assert across.slipped == Event(pytest.approx(0.9), "lift")
+    assert not across.held
+    turned = RigidTransform(RotationMatrix.MakeXRotation(0.01))
+    twisted = judged(still + [turned] * 10, push)
+    assert twisted.turn == pytest.approx(0.01)
+    assert twisted.drift == pytest.approx(0.0)
+    assert twisted.slip == pytest.approx((2e-4, 0.0, 0.0), rel=1e-3)
+
+
+def test_a_tip_without_force_has_lost_the_object_and_before_the_lift_has_not() -> None:
+    still, push = [RigidTransform()] * 100, np.full((100, 3), 2.0)
+    push[10] = 0.0
+    assert judged(still, push).held
+    push[95, 1] = 0.0
+    report = judged(still, push)
+    assert not report.held
+    assert report.lost == (None, Event(pytest.approx(0.95), "lift"), None)
+
+
+def test_the_command_says_what_happened_and_records_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.html"
+    assert main([str(file_of("cube")), "--mu", "0.1", "--html", str(page)]) == 1
+    assert "DROPPED: it slips" in capsys.readouterr().out
+    assert "set_animation" in page.read_text()
+
+
+def test_what_cannot_be_tried_is_said_and_is_no_failure_of_a_grasp(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["missing.sdf"]) == 2
+    assert main([str(file_of("cube")), "--mu", "-0.1"]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "missing.sdf: Drake cannot load it" in said.err
+    assert "the friction is -0.1" in said.err
