@@ -13,7 +13,7 @@ import shapely
 from scipy.optimize import linprog
 
 from drake_polygrasp import UsageError, epsilon_gap, load_object, plan_grasps
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.wrench_space import epsilon_interval
 from drake_polygrasp.cli import main
 from drake_polygrasp.geometry.polyhedron import Regions, erode
@@ -27,7 +27,7 @@ from drake_polygrasp.planning.cell_bounds import (
     turning,
 )
 from drake_polygrasp.planning.face_support import points_on
-from drake_polygrasp.planning.optimum import TOLERANCE, Optimum, bound_optimum
+from drake_polygrasp.planning.optimum import TOLERANCE, Optimum, _halved, bound_optimum
 from drake_polygrasp.planning.search import Triples
 from drake_polygrasp.wrench import (
     cone_wrenches,
@@ -71,6 +71,21 @@ def random_places(cells: CellTriples, seed: int) -> tuple[Array, Array]:
     """Weights of the corners (N, 3, 3), and the places of contacts that they make."""
     weights = np.random.default_rng(seed).dirichlet(np.ones(3), (len(cells.bound), 3))
     return weights, np.einsum("niv,niva->nia", weights, cells.r_CmV)
+
+
+def holds_all(cells: CellTriples, r: Array) -> Bools:
+    """Whether each cell holds its place r, shape (N, 3, 3), for all three; shape (N,)."""
+    first, second, third = np.moveaxis(cells.r_CmV, 2, 0)
+    axes = np.stack([second - first, third - first], axis=-1)
+    weights = (np.linalg.pinv(axes) @ (r - first)[..., None])[..., 0]
+    inside = (weights.min(axis=-1) >= -1e-9) & (weights.sum(axis=-1) <= 1 + 1e-9)
+    return np.asarray(inside.all(axis=1))
+
+
+def areas(cells: CellTriples) -> Array:
+    """Of each cell, shape (N, 3)."""
+    first, second, third = np.moveaxis(cells.r_CmV, 2, 0)
+    return np.asarray(np.linalg.norm(np.cross(second - first, third - first), axis=-1) / 2)
 
 
 def three_strips(width: float, length: float) -> Regions:
@@ -174,6 +189,24 @@ def test_a_grid_on_strips_finds_what_is_said_to_be_best() -> None:
     assert along[epsilon.argmax()] == pytest.approx(0.0)
     optimum = bound_optimum(regions, CENTRE, 1.0, NONE, epsilon.max(), 4000)
     assert epsilon.max() <= optimum.bound <= 1.02 * epsilon.max()
+
+
+def test_halves_hold_every_grasp_of_their_cells_in_some_order() -> None:
+    _, cells = random_cells(60, 3)
+    r, region = cells.r_CmV.copy(), cells.region.copy()
+    r[:, 1], region[:, 1] = r[:, 0], region[:, 0]
+    cells = replace(cells, r_CmV=r, region=region)
+    for _ in range(4):
+        _, places = random_places(cells, 7)
+        halves = _halved(cells)
+        twice = np.concatenate([places, places])
+        swapped = twice[:, [1, 0, 2]]
+        found = holds_all(halves, twice) | holds_all(halves, swapped)
+        assert found.reshape(2, -1).any(axis=0).all()
+        whole = np.tile(areas(cells).prod(axis=1), 2)
+        assert (areas(halves).prod(axis=1) <= (0.5 + 1e-9) * whole).all()
+        cells = halves.take(np.arange(0, len(halves.bound), 2))
+        cells = cells.take(np.flatnonzero(cells.region[:, 0] == cells.region[:, 1]))
 
 
 def test_no_random_contacts_hold_better_than_the_bound() -> None:

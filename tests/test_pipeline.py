@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from drake_polygrasp import pipeline
+from drake_polygrasp import UsageError, pipeline, task
 from drake_polygrasp.certification import exact
 from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.geometry.seating import edge_distance, tip_fits
@@ -180,3 +180,13 @@ def test_an_object_that_cannot_be_held_has_reasons() -> None:
     assert not found.grasps
     assert found.reasons == {"orientation": 10}
     assert found.mu_needed == pytest.approx(np.tan(np.arcsin(1 / 3)))
+
+
+def test_more_sets_than_can_be_followed_are_a_clear_mistake(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(task, "MOST_SETS", 34)
+    assert plan_grasps(cube(), exclude_faces=(0,), rank="Q").grasps
+    for ask in (explain_sets, lambda it: plan_grasps(it, method="paper")):
+        with pytest.raises(UsageError, match=r"35 sets of faces are too many .* up to 34"):
+            ask(cube())

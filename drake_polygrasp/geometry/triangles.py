@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Ints
 
 _POINTS_AT_ONCE = 1 << 12
 """Ours: temporaries of some ten megabytes."""

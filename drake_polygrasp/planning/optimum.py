@@ -140,7 +140,11 @@ def _roots(
 
 
 def _halved(cells: CellTriples) -> CellTriples:
-    """Each triple twice, its longest edge cut in the middle."""
+    """Each triple twice, its longest edge cut in the middle.
+
+    Of two contacts in one cell a, at least one is in its half a_1, and is called the first, or
+    both are in a_2: the triples (a_1, a) and (a_2, a_2).
+    """
     r, row = cells.r_CmV, np.arange(len(cells.bound))
     edge = np.linalg.norm(np.roll(r, -1, axis=2) - r, axis=-1)
     # Rounded, so that symmetric cells are cut alike.
@@ -149,7 +153,12 @@ def _halved(cells: CellTriples) -> CellTriples:
     head = (tail + 1) % 3
     middle = (r[row, i, tail] + r[row, i, head]) / 2
     first, second = r.copy(), r.copy()
-    first[row, i, head] = second[row, i, tail] = middle
+    first[row, i, head] = middle
+    same = (r == r[row, i][:, None]).all(axis=(2, 3))
+    same &= cells.region == cells.region[row, i][:, None]
+    for cell in range(3):
+        twin = row[same[:, cell]]
+        second[twin, cell, tail[twin]] = middle[twin]
     return _joined(
         CellTriples(cells.region, first, cells.bound, cells.w),
         CellTriples(cells.region, second, cells.bound, cells.w),

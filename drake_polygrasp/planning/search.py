@@ -15,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import face_twists, points_on
+from drake_polygrasp.planning.planar import gather
 from drake_polygrasp.wrench import critical_directions, force_closure
 
 POINTS = 100
@@ -36,8 +37,8 @@ DRAWN = 3000
 """Triples drawn where no grasp is known before, ours."""
 _BLOCK = 8
 """Times the number wanted: triples collected before the threshold is raised."""
-_AT_ONCE = 100_000
-"""Ours: triples looked at together, as many as stay in the cache."""
+_AT_ONCE = 400_000
+"""Ours: pairs times directions or points looked at together, some megabytes."""
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
@@ -220,42 +221,70 @@ def _thresholds(h: Array, num: int) -> Array:
 
 def _above(h: Array, threshold: float, num: int) -> Ints:
     """The `num` greatest of the triples above a threshold, which rises as they are found."""
-    N = len(h)
-    j, k = np.triu_indices(N, 1)
-    first = np.searchsorted(j, np.arange(N), side="right")
-    bits = _bits(h, threshold)
-    pairs = bits[:, j] | bits[:, k]
     best, height = np.empty((0, 3), int), np.empty(0)
-    fresh: list[Ints] = []
-    at_once = max(1, _AT_ONCE // len(j))
-    for start in range(0, N - 2, at_once):
-        many = np.arange(start, min(start + at_once, N - 2))
-        i, rows = np.nonzero((pairs[0, first[start] :] | bits[0, many, None]) == _ALL)
-        i, rows = i + start, rows + first[start]
-        i, rows = i[rows >= first[i]], rows[rows >= first[i]]
-        for word in range(1, len(bits)):
-            if not len(rows):
-                break
-            passes = (pairs[word, rows] | bits[word, i]) == _ALL
-            i, rows = i[passes], rows[passes]
-        fresh.append(np.column_stack([i, j[rows], k[rows]]))
-        if sum(map(len, fresh)) > _BLOCK * num or many[-1] == N - 3:
+    covers, fresh, first = _Covers(h > threshold), [best], 0
+    while first < len(h):
+        last = covers.last_at_once(first)
+        fresh.append(covers.triples(first, last))
+        first = last
+        if sum(map(len, fresh)) > _BLOCK * num or first == len(h):
             best, height = _greatest(h, np.concatenate([best, *fresh]), num)
             fresh = []
             if len(height) == num and height[-1] > threshold:
                 threshold = height[-1]
-                bits = _bits(h, threshold)
-                pairs = bits[:, j] | bits[:, k]
+                covers = _Covers(h > threshold)
     return best
 
 
-def _bits(h: Array, threshold: float) -> npt.NDArray[np.uint64]:
-    """Whether h exceeds the threshold, 64 directions a word, most selective first, (words, N)."""
-    above = h > threshold
-    above = above[:, np.argsort(above.sum(axis=0), kind="stable")]
-    above = np.pad(above, ((0, 0), (0, -above.shape[1] % 64)), constant_values=True)
-    words = np.ascontiguousarray(np.packbits(above, axis=1)).view(np.uint64)
-    return np.ascontiguousarray(words.T)
+class _Covers:
+    """Triples i < j < k of points that cover all directions, from what each covers, shape (N, K).
+
+    Of the directions that i leaves, the one that fewest points cover has to be covered by j or k;
+    so has, by the third, the rarest of those that are left then.
+    """
+
+    def __init__(self, above: Bools) -> None:
+        N, K = above.shape
+        rarest_first = np.argsort(above.sum(axis=0), kind="stable")
+        # A last direction that all cover stands for none.
+        self._above = np.column_stack([above[:, rarest_first], np.ones(N, dtype=bool)])
+        padded = np.pad(self._above, ((0, 0), (0, -(K + 1) % 64)), constant_values=True)
+        words = np.ascontiguousarray(np.packbits(padded, axis=1)).view(np.uint64)
+        self._words = np.ascontiguousarray(words.T)
+        direction, self._points = np.nonzero(self._above.T)
+        self._offsets = np.searchsorted(direction, np.arange(K + 2))
+        self._helps = np.triu(self._above[:, self._rarest_left(self._above)].T, 1)
+        self._num_helpers = np.append(0, np.cumsum(self._helps.sum(axis=1)))
+
+    @staticmethod
+    def _rarest_left(covered: Bools) -> Ints:
+        """The first direction that is not covered, or the last of all, shape (M, K) to (M,)."""
+        first = covered.argmin(axis=1)
+        all_covered = covered[np.arange(len(covered)), first]
+        rarest: Ints = np.where(all_covered, covered.shape[1] - 1, first)
+        return rarest
+
+    def last_at_once(self, first: int) -> int:
+        """One more than the last i, of those from `first`, whose triples fit into the cache."""
+        most = self._num_helpers[first] + _AT_ONCE // max(self._above.shape)
+        return max(first + 1, int(np.searchsorted(self._num_helpers, most, side="right")) - 1)
+
+    def triples(self, first: int, last: int) -> Ints:
+        """Those with first <= i < last, ascending, shape (M, 3)."""
+        i, j = np.nonzero(self._helps[first:last])
+        i += first
+        direction = self._rarest_left(self._above[i] | self._above[j])
+        rows, pair = gather(self._offsets, direction)
+        k = self._points[rows]
+        for word in self._words:
+            covers = np.flatnonzero(((word[i] | word[j])[pair] | word[k]) == _ALL)
+            pair, k = pair[covers], k[covers]
+        i, j = i[pair], j[pair]
+        # Where j and k both help i, the triple is met twice.
+        new = (k > i) & (k != j) & ~(self._helps[i, k] & (k < j))
+        i, j, k = i[new], j[new], k[new]
+        found = np.column_stack([i, np.minimum(j, k), np.maximum(j, k)])
+        return found[np.lexsort(found.T[::-1])]
 
 
 def _greatest(h: Array, triples: Ints, num: int) -> tuple[Ints, Array]:
