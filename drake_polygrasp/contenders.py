@@ -21,7 +21,6 @@ from drake_polygrasp.grasp import (
     Verdict,
 )
 from drake_polygrasp.planning.orientation import classify, friction_angle
-from drake_polygrasp.planning.planar import dot
 from drake_polygrasp.planning.planner import (
     CODE,
     EQUAL_QUALITY,
@@ -32,6 +31,7 @@ from drake_polygrasp.planning.planner import (
 )
 from drake_polygrasp.planning.search import Triples, sets_of
 from drake_polygrasp.task import Codes, Task, rows_of
+from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
 
 KINDS: tuple[Kind, ...] = ("three_faces", "three_parallel_faces", "two_faces")

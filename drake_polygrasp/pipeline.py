@@ -14,6 +14,7 @@ from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
 from drake_polygrasp.contenders import KINDS, Contenders, contenders
+from drake_polygrasp.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import Regions
@@ -38,7 +39,7 @@ from drake_polygrasp.planning.search import (
 from drake_polygrasp.planning.tip_room import with_tip_room
 from drake_polygrasp.planning.variants import Steps, improved_triples, place_in_set
 from drake_polygrasp.task import Task, make_task, rows_of
-from drake_polygrasp.wrench import epsilon_upper_bound, force_closure
+from drake_polygrasp.wrench import force_closure
 
 Rank = Literal["epsilon", "margin", "Q"]
 
@@ -272,7 +273,7 @@ def _judged_by_bound(work: Contenders, wanted: int) -> dict[int, Proof]:
 def _bound(work: Contenders, rows: Ints) -> Array:
     p_BC, nhat_TB_B, mu = (values[rows] for values in work.contacts)
     object_ = work.task.object_
-    return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho, refine=False)
+    return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho)
 
 
 def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:

@@ -16,14 +16,14 @@ PACKAGE = Path(drake_polygrasp.__file__).parent
 ROOT = PACKAGE.parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PURE = [
-    *(PACKAGE / f"{name}.py" for name in ("errors", "grasp", "wrench")),
+    *(PACKAGE / f"{name}.py" for name in ("errors", "vectors", "grasp", "wrench", "epsilon_bound")),
     *PACKAGE.glob("geometry/*.py"),
     *PACKAGE.glob("planning/*.py"),
 ]
 ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
-    ("errors", "arrays"),
-    ("geometry", "wrench"),
+    ("errors", "arrays", "vectors"),
+    ("geometry", "wrench", "epsilon_bound"),
     ("grasp",),
     ("input_file", "plain_yaml", "loading"),
     ("planning", "certification", "grasp_file", "plan_settings"),

@@ -16,6 +16,7 @@ from drake_polygrasp import UsageError, epsilon_gap, load_object, plan_grasps
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.wrench_space import epsilon_interval
 from drake_polygrasp.cli import main
+from drake_polygrasp.epsilon_bound import critical_directions, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.cell_bounds import (
@@ -29,13 +30,7 @@ from drake_polygrasp.planning.cell_bounds import (
 from drake_polygrasp.planning.face_support import points_on
 from drake_polygrasp.planning.optimum import TOLERANCE, Optimum, _halved, bound_optimum
 from drake_polygrasp.planning.search import Triples
-from drake_polygrasp.wrench import (
-    cone_wrenches,
-    critical_directions,
-    epsilon_upper_bound,
-    force_closure,
-    support,
-)
+from drake_polygrasp.wrench import cone_wrenches, force_closure, support
 from tests.convex_polyhedra import ellipsoid_hull
 from tests.solids import cube, face, regions_of, solid
 

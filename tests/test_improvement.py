@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.wrench_space import epsilon_interval
+from drake_polygrasp.epsilon_bound import critical_directions, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.face_support import points_in_faces
@@ -22,7 +23,7 @@ from drake_polygrasp.planning.variants import (
     place_in_set,
     set_numbers,
 )
-from drake_polygrasp.wrench import critical_directions, epsilon_upper_bound, force_closure
+from drake_polygrasp.wrench import force_closure
 from tests.common import prism_grasp, random_contacts, random_rotations
 from tests.convex_polyhedra import holed_prism, tangent_polyhedron
 from tests.solids import cube, moved, regular_prism, solid
@@ -122,7 +123,7 @@ def test_starts_are_the_best_and_not_all_on_one_set() -> None:
     rows = best_places(regions, starts, *scale, 5, 1)
     assert len(rows) == len(set(set_numbers(starts.region)[rows].tolist())) == 5
     nhat, mu = regions.nhat_TB_B[starts.region], regions.mu[starts.region]
-    bound = epsilon_upper_bound(starts.p_BC, nhat, mu, *scale, refine=False)
+    bound = epsilon_upper_bound(starts.p_BC, nhat, mu, *scale)
     assert rows[0] == best_first(bound)[0]
     assert (np.diff(bound[rows]) < 1e-6 * bound.max()).all()
     assert place_in_set(np.array([7, 3, 7, 7, 3])).tolist() == [0, 0, 1, 2, 1]

@@ -12,6 +12,7 @@ from benchmarks import measure
 from benchmarks.peers import random_triples
 from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.geometry.seating import tip_fits
 from drake_polygrasp.grasp import GraspObject
@@ -26,7 +27,7 @@ from drake_polygrasp.planning.search import (
     sets_of,
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
-from drake_polygrasp.wrench import cone_wrenches, epsilon_upper_bound, force_closure, support
+from drake_polygrasp.wrench import cone_wrenches, force_closure, support
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, shells
 from tests.solids import cube, solid
 

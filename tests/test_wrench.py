@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from drake_polygrasp.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import (
     cone_wrenches,
     contact_frames,
     edge_forces,
-    epsilon_upper_bound,
     force_closure,
     non_collinear,
     support,

@@ -25,8 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.epsilon_bound import critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.wrench import critical_directions, cross, force_closure
+from drake_polygrasp.vectors import cross
+from drake_polygrasp.wrench import force_closure
 
 KEPT = 12
 """Directions that a cell's halves start from, ours."""

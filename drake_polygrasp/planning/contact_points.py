@@ -16,14 +16,13 @@ from drake_polygrasp.planning.planar import (
     Scale,
     centroids,
     clip_intervals,
-    dot,
     nearest,
     outer_ends,
     within,
 )
 from drake_polygrasp.planning.position import PlaneDirections
 from drake_polygrasp.planning.region_p import Cut, segment_hulls
-from drake_polygrasp.wrench import cross
+from drake_polygrasp.vectors import cross, dot
 
 HALF = 0.5
 """The text's place of P_2 on its half of the segment: the middle."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.wrench import cross
+from drake_polygrasp.vectors import cross
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,18 +16,9 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.planar import (
-    Boundary,
-    Scale,
-    Shapes,
-    centroids,
-    dot,
-    extents,
-    gather,
-    unit,
-)
+from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, extents, gather
 from drake_polygrasp.planning.position import Opposed, PlaneDirections, hull_of
-from drake_polygrasp.wrench import cross
+from drake_polygrasp.vectors import cross, dot, unit
 
 INSET = 0.02
 """Part of R^s that the plane keeps from its ends, ours: faces are eroded already."""

@@ -15,10 +15,11 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.epsilon_bound import critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
 from drake_polygrasp.planning.planar import Shapes
-from drake_polygrasp.wrench import critical_directions, force_closure
+from drake_polygrasp.wrench import force_closure
 
 MOVES = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]], dtype=float)
 """Of one contact: it stays or steps along either of two axes."""

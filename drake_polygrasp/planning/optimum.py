@@ -13,12 +13,12 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.epsilon_bound import critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.cell_bounds import KEPT, CellTriples, bounded
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import Triples
-from drake_polygrasp.wrench import critical_directions
 
 TOLERANCE = 0.01
 """Relative, ours: triples that could hold only a grasp better by less are not cut further."""

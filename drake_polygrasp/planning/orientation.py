@@ -16,8 +16,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, SAME_NORMAL
-from drake_polygrasp.planning.planar import dot, unit
-from drake_polygrasp.wrench import cross
+from drake_polygrasp.vectors import cross, dot, unit
 
 CHUNK = 200_000
 """Triples evaluated at once, ours: some 100 MB of intermediate arrays."""

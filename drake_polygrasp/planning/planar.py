@@ -14,7 +14,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
-from drake_polygrasp.wrench import cross
+from drake_polygrasp.vectors import cross, dot, unit
 
 Shapes = npt.NDArray[np.object_]
 
@@ -64,19 +64,6 @@ def boundary(regions: Regions) -> Boundary:
         head=frozen(regions.p_BV[tails + 1]),
         offsets=frozen(np.searchsorted(tails, vertex_offsets), np.int64),
     )
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Row-wise scalar product over the last axis."""
-    product: Array = np.einsum("...i,...i->...", a, b)
-    return product
-
-
-def unit(a: Array) -> Array:
-    """Row-wise unit vectors; zero rows stay zero."""
-    length = np.linalg.norm(a, axis=-1, keepdims=True)
-    scaled: Array = a / np.where(length > 0, length, 1.0)
-    return scaled
 
 
 def orthonormal_pair(nhat: Array) -> tuple[Array, Array]:

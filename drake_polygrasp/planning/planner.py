@@ -33,7 +33,7 @@ from drake_polygrasp.planning.orientation import (
     sine_of_tips_plane,
     triples,
 )
-from drake_polygrasp.planning.planar import Boundary, Scale, boundary, unit
+from drake_polygrasp.planning.planar import Boundary, Scale, boundary
 from drake_polygrasp.planning.position import (
     opposed,
     parallel_faces_meet,
@@ -46,6 +46,7 @@ from drake_polygrasp.planning.quality import q_directions, q_orientation, q_posi
 from drake_polygrasp.planning.region_p import Cut, cut_nonparallel, cut_parallel, cut_two_faces
 from drake_polygrasp.planning.two_faces import choices, two_face_planes
 from drake_polygrasp.planning.variants import SPREADS
+from drake_polygrasp.vectors import unit
 
 Method = Literal["enriched", "paper"]
 

@@ -19,16 +19,14 @@ from drake_polygrasp.planning.planar import (
     Boundary,
     Shapes,
     area_and_centroid,
-    dot,
     extents,
     gather,
     orthonormal_pair,
     project,
     strips_meet,
     strips_polygon,
-    unit,
 )
-from drake_polygrasp.wrench import cross
+from drake_polygrasp.vectors import cross, dot, unit
 
 
 @dataclass(frozen=True, eq=False)

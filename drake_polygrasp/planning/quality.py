@@ -14,8 +14,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, FLATNESS
-from drake_polygrasp.planning.planar import dot
-from drake_polygrasp.wrench import cross
+from drake_polygrasp.vectors import cross, dot
 
 NOISE = FLATNESS
 """Times rho, ours: on a symmetric object all distances are as long as a file's rounding makes them,

@@ -21,14 +21,13 @@ from drake_polygrasp.planning.planar import (
     Section,
     Shapes,
     centroids,
-    dot,
     outer_ends,
     section,
     strips_meet,
 )
 from drake_polygrasp.planning.position import Opposed, PlaneDirections
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP
-from drake_polygrasp.wrench import cross
+from drake_polygrasp.vectors import cross, dot
 
 
 @dataclass(frozen=True, eq=False)

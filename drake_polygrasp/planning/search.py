@@ -16,10 +16,11 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.epsilon_bound import critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import face_twists, points_on
 from drake_polygrasp.planning.planar import gather
-from drake_polygrasp.wrench import critical_directions, force_closure
+from drake_polygrasp.wrench import force_closure
 
 POINTS = 100
 """Sample points on objects of few regions, ours."""

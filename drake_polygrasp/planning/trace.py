@@ -38,7 +38,6 @@ from drake_polygrasp.planning.planar import (
     outer_ends,
     project,
     strips_polygon,
-    unit,
 )
 from drake_polygrasp.planning.planner import REASONS, Candidates, plan_sets
 from drake_polygrasp.planning.position import (
@@ -60,6 +59,7 @@ from drake_polygrasp.planning.region_p import (
 )
 from drake_polygrasp.planning.traced import OnPiL, OnPiP, OnPiS, Trace
 from drake_polygrasp.planning.two_faces import choices, two_face_planes
+from drake_polygrasp.vectors import unit
 
 
 def trace(object_: GraspObject, faces: Sequence[int], edge_clearance: float | None = None) -> Trace:

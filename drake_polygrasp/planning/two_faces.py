@@ -24,8 +24,9 @@ from drake_polygrasp.planning.grasp_plane import (
     opposed_planes,
     ring_edges,
 )
-from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, dot, unit
+from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids
 from drake_polygrasp.planning.position import Opposed
+from drake_polygrasp.vectors import dot, unit
 
 OVERLAP, FIRST, SECOND = 0, 1, 2  # R_maxT is A_12, R_1 or R_2
 

@@ -13,11 +13,12 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import Triples, joined, sets_of
-from drake_polygrasp.wrench import epsilon_upper_bound, force_closure
+from drake_polygrasp.wrench import force_closure
 
 SPREADS = (0.5, 0.9)
 """Places of P_2 and P_3 on their halves of the segments, 1 at the far end.
@@ -84,7 +85,7 @@ def best_places(
     nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
     rows = np.flatnonzero(force_closure(triples.p_BC, nhat, mu))
     contacts = triples.p_BC[rows], nhat[rows], mu[rows]
-    bound = epsilon_upper_bound(*contacts, p_BBcm, rho, refine=False)
+    bound = epsilon_upper_bound(*contacts, p_BBcm, rho)
     rows = rows[best_first(bound)]
     return rows[place_in_set(set_numbers(triples.region[rows])) < places][:num]
 
