@@ -21,7 +21,7 @@ from drake_polygrasp.grasp import (
     Verdict,
 )
 from drake_polygrasp.planning.orientation import classify, friction_angle
-from drake_polygrasp.planning.planner import (
+from drake_polygrasp.planning.outcome import (
     CODE,
     EQUAL_QUALITY,
     UNJUDGED,

@@ -20,14 +20,7 @@ from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.orientation import least_opposing_friction
-from drake_polygrasp.planning.planner import (
-    CODE,
-    REASONS,
-    UNJUDGED,
-    Method,
-    SetPlan,
-    has_contacts,
-)
+from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method, SetPlan, has_contacts
 from drake_polygrasp.planning.search import (
     POINTS,
     Triples,
@@ -98,7 +91,7 @@ class Explanation:
     faces: Ints
     """Faces of each set, ascending; -1 for a pair's third, shape (M, 3)."""
     reasons: list[str]
-    """One of planner.REASONS each, never "not_evaluated"."""
+    """One of outcome.REASONS each, never "not_evaluated"."""
     counts: dict[str, int]
     mu_needed: float | None
     excluded_faces: tuple[int, ...] = ()

@@ -23,7 +23,8 @@ from drake_polygrasp.geometry.polyhedron import (
 from drake_polygrasp.geometry.seating import least_tip
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import pairs, triples
-from drake_polygrasp.planning.planner import CODE, REASONS, UNJUDGED, Method, SetPlan, plan_sets
+from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method, SetPlan
+from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.variants import Steps
 
 Codes = npt.NDArray[np.int8]

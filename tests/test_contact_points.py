@@ -12,8 +12,9 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Face, Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import classify
+from drake_polygrasp.planning.outcome import REASONS, Candidates, Method, SetPlan
 from drake_polygrasp.planning.planar import Scale
-from drake_polygrasp.planning.planner import REASONS, Candidates, Method, SetPlan, plan_sets
+from drake_polygrasp.planning.planner import plan_sets
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from tests.solids import (
     X,

@@ -31,7 +31,7 @@ from drake_polygrasp.geometry.exclusion import AVOID_ANGLE, Exclusion, exclusion
 from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.surface import build_polyhedron, curved_part
-from drake_polygrasp.planning.planner import Method
+from drake_polygrasp.planning.outcome import Method
 from drake_polygrasp.verification import Status
 from tests.common import round_body
 from tests.convex_polyhedra import holed_prism, tangent_polyhedron

@@ -14,7 +14,8 @@ from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
-from drake_polygrasp.planning.planner import has_contacts, plan_sets
+from drake_polygrasp.planning.outcome import has_contacts
+from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.search import Triples
 from drake_polygrasp.planning.variants import (
     best_first,

@@ -18,7 +18,8 @@ from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.planning import orientation
-from drake_polygrasp.planning.planner import CODE, Method, plan_sets
+from drake_polygrasp.planning.outcome import CODE, Method
+from drake_polygrasp.planning.planner import plan_sets
 from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from tests.solids import cube, moved, regions_of, regular_prism, solid, top
 

@@ -14,7 +14,8 @@ from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
-from drake_polygrasp.planning.planner import REASONS, Method, plan_sets
+from drake_polygrasp.planning.outcome import REASONS, Method
+from drake_polygrasp.planning.planner import plan_sets
 from tests.lp_judge import is_force_closure
 from tests.surface_judge import on_surface
 

@@ -17,7 +17,8 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.planning.planner import REASONS, SetPlan, plan_sets
+from drake_polygrasp.planning.outcome import REASONS, SetPlan
+from drake_polygrasp.planning.planner import plan_sets
 from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from tests.reference_geometry import Doubts, angle
 from tests.reference_planner import (

@@ -11,6 +11,7 @@
 | 6 | quality Q, eq. 5-10 | quality.py | q_positions, q_orientation, q_directions | test_quality.py |
 | 7 | contact points | contact_points.py | nonparallel_contacts, opposed_contacts | test_contact_points.py |
 | 4-7 | the flow chart | planner.py | plan_sets | test_reference_planner.py |
+| 4-7 | what becomes of a set | outcome.py | REASONS, SetPlan | test_reference_planner.py |
 | beyond | which steps, and which grasps they start from | variants.py | Steps, improved_triples | test_improvement.py |
 | beyond | triples of sample points, however many | search.py | best_triples | test_search.py |
 | beyond | contacts that move while epsilon rises | improvement.py | improved | test_improvement.py |

@@ -28,6 +28,7 @@ from drake_polygrasp.planning.orientation import (
     sine_of_parallel,
     sine_of_tips_plane,
 )
+from drake_polygrasp.planning.outcome import REASONS, Candidates
 from drake_polygrasp.planning.planar import (
     Boundary,
     Scale,
@@ -39,7 +40,7 @@ from drake_polygrasp.planning.planar import (
     project,
     strips_polygon,
 )
-from drake_polygrasp.planning.planner import REASONS, Candidates, plan_sets
+from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.position import (
     PlaneDirections,
     hull_of,

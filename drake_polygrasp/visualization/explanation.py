@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.pipeline import Explanation
-from drake_polygrasp.planning.planner import REASONS
+from drake_polygrasp.planning.outcome import REASONS
 from drake_polygrasp.planning.trace import trace
 from drake_polygrasp.planning.traced import Trace
 from drake_polygrasp.tables import MEANING

@@ -1,0 +1,87 @@
+"""What becomes of sets of faces: a reason each, and the contacts that were constructed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_polygrasp.arrays import Array, Bools, Ints
+
+Method = Literal["enriched", "paper"]
+
+REASONS = (
+    "certified",
+    "excluded",
+    "orientation",
+    "rl_empty",
+    "rs_empty",
+    "not_opposed",
+    "no_direction",
+    "p_empty",
+    "off_face",
+    "wrong_order",
+    "collinear",
+    "tip_blocked",
+    "obstructed",
+    "not_force_closure",
+    "undecided",
+    "not_evaluated",
+)
+"""What can become of a set of faces; codes in arrays are positions in this tuple."""
+CODE = {reason: code for code, reason in enumerate(REASONS)}
+UNJUDGED = CODE["not_evaluated"]
+"""Code of a set with contact points that nobody has judged yet."""
+
+EQUAL_QUALITY = 1e-9
+"""Ours: values of Q nearer than this are a tie."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Constructed contacts, one row a set (or a variant of it); NaN where construction failed."""
+
+    set_index: Ints
+    """Position of the set in SetPlan.sets, shape (C,)."""
+    region: Ints
+    """Region of each contact, shape (C, 3)."""
+    is_parallel: Bools
+    """Whether the set was planned with parallel forces, shape (C,)."""
+    p_BC: Array
+    """[m], shape (C, 3, 3)."""
+    nhat_B: Array
+    """N, unit normal of Pi_p, shape (C, 3)."""
+    p_BP: Array
+    """A point of Pi_p, c_I^p [m], shape (C, 3)."""
+    q: Array
+    """q_1 to q_5, shape (C, 5)."""
+
+    @property
+    def Q(self) -> Array:
+        """The paper's quality (eq. 5), shape (C,)."""
+        product: Array = self.q.prod(axis=1)
+        return product
+
+    def take(self, rows: Ints | Bools) -> Candidates:
+        """The same for some of the rows."""
+        return Candidates(*(getattr(self, column.name)[rows] for column in fields(self)))
+
+
+@dataclass(frozen=True, eq=False)
+class SetPlan:
+    """Every set of faces with its reason so far, and the contacts of those that have some."""
+
+    sets: Ints
+    """Regions of each set, ascending; -1 for a pair's third, shape (M, 3)."""
+    code: npt.NDArray[np.int8]
+    """Position in REASONS; UNJUDGED for sets with contact points, shape (M,)."""
+    candidates: Candidates
+    """Sets with a non-empty P, in the order of sets; NaN contacts where Section 7 failed."""
+
+
+def has_contacts(p_BC: Array) -> Bools:
+    """Whether all contacts of each row were constructed, shape (C, 3, 3) to (C,)."""
+    constructed: Bools = np.logical_and.reduce(np.isfinite(p_BC), axis=(1, 2))
+    return constructed
