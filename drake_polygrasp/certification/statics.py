@@ -1,10 +1,10 @@
 """Drake's own statics of an object, three pads and three fingertips, gravity along each axis.
 
 Two judges of the forces that `holding` plans. Inverse dynamics of the plant says what they leave
-unbalanced, of any geometry. `StaticEquilibriumProblem`, started from them with the object held
-where it is, must find contact wrenches of its own; its distances need AutoDiff, which Drake has
-for spheres and boxes alone, so the fingertips stand on pads. Pads prove the forces and not the
-surface: they count where the geometry has been confirmed.
+unbalanced, of any geometry. `StaticEquilibriumProblem`, with the object held where it is, must
+find contact wrenches of its own, of many the nearest to them; its distances need AutoDiff, which
+Drake has for spheres and boxes alone, so the fingertips stand on pads. Pads prove the forces and
+not the surface: they count where the geometry has been confirmed.
 """
 
 from __future__ import annotations
@@ -141,6 +141,8 @@ class _EquilibriumSolver:
         f_Tc = program.decision_variables()[len(q) : len(q) + 9]
         squeeze = -float((nhat_TB_B * guess).sum())
         program.AddLinearEqualityConstraint(nhat_TB_B.reshape(1, 9), [squeeze], f_Tc)
+        # Equilibria are many: of all, the one nearest to what is planned.
+        program.AddQuadraticErrorCost(np.eye(9) / squeeze**2, -guess.ravel(), f_Tc)
         start = np.zeros(program.num_vars())
         start[: len(q)] = q_0
         start[len(q) : len(q) + 9] = -guess.ravel()
