@@ -296,17 +296,18 @@ def _certified(
 ) -> tuple[CertifiedGrasp, ...]:
     """The `top` best with their certificates.
 
-    The score of rank "epsilon" is an upper bound: candidates are measured until none of the rest
-    can win by more than the intervals are wide.
+    The score of rank "epsilon" is an upper bound: candidates are measured until that of none of the
+    rest is above the intervals of the best by more than these are wide.
     """
     if rank != "epsilon":
         return tuple(work.certified(entry.row, proofs[entry.row]) for entry in ranked[:top])
     found: list[tuple[_Ranked, Interval]] = []
     for entry in ranked:
-        least = sorted(-e.score for e, _ in found)[-top] if len(found) >= top else -np.inf
+        full = len(found) == top
+        least = min(epsilon.upper for _, epsilon in found) if full else -np.inf
         if -entry.score * (1.0 - RELATIVE_GAP) <= least:
             break
-        epsilon = work.epsilon(entry.row, at_least=least)
+        epsilon = work.epsilon(entry.row, at_least=-found[-1][0].score if full else 0.0)
         found.append((replace(entry, score=-round(epsilon.lower, 9)), epsilon))
-    found.sort(key=lambda pair: pair[0])
-    return tuple(work.certified(e.row, proofs[e.row], epsilon) for e, epsilon in found[:top])
+        found = sorted(found, key=lambda pair: pair[0])[:top]
+    return tuple(work.certified(e.row, proofs[e.row], epsilon) for e, epsilon in found)
