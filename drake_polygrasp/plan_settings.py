@@ -25,7 +25,8 @@ def read_settings(block: Block, num_faces: int) -> dict[str, Any]:
     if "tip_radius" in block.data:
         block.number("tip_radius", "zero or positive")
     if "avoid_directions" in block.data:
-        length = np.linalg.norm(block.vectors("avoid_directions"), axis=1)
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(block.vectors("avoid_directions"), axis=1)
         if not (np.abs(length - 1) <= _UNIT).all():
             raise block.refuse("avoid_directions", "a list of unit vectors")
         if not block.number("avoid_angle", "positive") < np.pi:

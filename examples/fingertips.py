@@ -147,7 +147,7 @@ def build_scene(
 ) -> Scene:
     """An object on a table whose top is at z = 0, and fingertips that follow commands, if any.
 
-    Raises ModelError when the model cannot be read, or no body of it has collision geometry.
+    Raises ModelError when the model cannot be read, or is not one body that may move and be held.
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, TIME_STEP)
@@ -158,6 +158,7 @@ def build_scene(
     _add_table(plant)
     ids = () if tips is None else _add_hand(plant, tips)
     plant.Finalize()
+    _check_free(body, model_file)
     plant.set_stiction_tolerance(STICTION_SPEED)
     if commands is not None:
         _connect(builder, plant, commands)
@@ -175,15 +176,28 @@ def _make_rigid_by_default(scene_graph: SceneGraph) -> None:
 
 
 def _add_object(plant: MultibodyPlant, model_file: Path) -> RigidBody:
-    parser = Parser(plant)
+    # Prefixed, lest a model be named as the hand is.
+    parser = Parser(plant, model_name_prefix="object")
     parser.package_map().AddMap(find_packages(model_file, ()))
     with blaming(model_file):
         models = parser.AddModels(str(model_file))
-    for model in models:
-        for index in plant.GetBodyIndices(model):
-            if plant.GetCollisionGeometriesForBody(plant.get_body(index)):
-                return plant.get_body(index)
-    raise ModelError(f"{model_file}: no collision geometry; a grasp needs what fingers can touch")
+    bodies = [plant.get_body(index) for model in models for index in plant.GetBodyIndices(model)]
+    solid = [body for body in bodies if plant.GetCollisionGeometriesForBody(body)]
+    if not solid:
+        raise ModelError(
+            f"{model_file}: no collision geometry; a grasp needs what fingers can touch"
+        )
+    if len(solid) > 1:
+        names = ", ".join(f"'{body.name()}'" for body in solid)
+        raise ModelError(f"{model_file} has several bodies to pick up: {names}; leave one of them")
+    return solid[0]
+
+
+def _check_free(body: RigidBody, model_file: Path) -> None:
+    if not body.is_floating_base_body():
+        raise ModelError(f"{model_file}: '{body.name()}' is fixed; remove what holds it")
+    if not np.linalg.eigvalsh(body.default_spatial_inertia().CopyToFullMatrix6()).min() > 0:
+        raise ModelError(f"{model_file}: '{body.name()}' has no mass or inertia; state both")
 
 
 def _add_table(plant: MultibodyPlant) -> None:

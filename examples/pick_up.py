@@ -187,9 +187,10 @@ def run(scene: Scene, target: Target, commands: Commands) -> Record:
     """Follow commands until they end, or until the object is lost."""
     simulator, plant = Simulator(scene.diagram), scene.plant
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    plant.SetPositions(context, plant.GetModelInstanceByName("hand"), commands.positions[0])
+    hand = plant.GetModelInstanceByName("hand")
+    plant.SetPositions(context, hand, commands.positions[0])
     plant.SetFreeBodyPose(context, scene.body, target.X_WB)
-    carriage = plant.GetBodyByName("carriage")
+    carriage = plant.GetBodyByName("carriage", hand)
     if scene.visualizer is not None:
         scene.visualizer.StartRecording()
     X_HB, height, push = [], [], []

@@ -20,7 +20,7 @@ from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import face_of, touch
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspObject, GraspPlane, Verdict
-from drake_polygrasp.grasp_file import save_grasps
+from drake_polygrasp.grasp_file import load_grasps, save_grasps
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
 from drake_polygrasp.verification import Status, verify_file
@@ -274,6 +274,14 @@ def test_what_readers_of_yaml_differ_on_is_refused(
     assert honest in EXAMPLE
     with pytest.raises(GraspFileError):
         verify_file(write_box(tmp_path, EXAMPLE.replace(honest, spoilt, 1)))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_direction_whose_square_overflows_is_refused_in_one_message(tmp_path: Path) -> None:
+    avoided = {"avoid_directions": [[1e308, 1e308, 1e308]], "avoid_angle": 0.5}
+    file = edit(write_box(tmp_path), lambda d: d["plan"].update(avoided))
+    with pytest.raises(GraspFileError, match="not a list of unit vectors"):
+        load_grasps(file)
 
 
 def test_a_model_by_a_name_that_no_file_can_have_is_missing(tmp_path: Path) -> None:

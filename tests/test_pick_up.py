@@ -163,3 +163,35 @@ def test_what_cannot_be_tried_is_said_and_is_no_failure_of_a_grasp(
     assert said.out == ""
     assert "missing.sdf: Drake cannot load it" in said.err
     assert "the friction is -0.1" in said.err
+
+
+BOX = "<collision name='c'><geometry><box><size>.1 .1 .1</size></box></geometry></collision>"
+ONE = f"<link name='carriage'>{BOX}</link>"
+NONE = "<inertia><ixx>0</ixx><iyy>0</iyy><izz>0</izz></inertia>"
+
+
+@pytest.mark.parametrize(
+    ("links", "fault"),
+    [
+        (ONE + f"<link name='lid'>{BOX}</link>", "several bodies to pick up: 'carriage', 'lid'"),
+        ("<static>true</static>" + ONE, "'carriage' is fixed"),
+        (ONE.replace("><", f"><inertial><mass>0</mass>{NONE}</inertial><", 1), "no mass"),
+        ("<link name='bare'/>", "no collision geometry"),
+    ],
+)
+def test_what_is_not_one_free_body_with_mass_is_said(
+    links: str, fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "model.sdf"
+    model.write_text(f"<sdf version='1.7'><model name='hand'>{links}</model></sdf>")
+    assert main([str(model)]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert fault in said[0]
+
+
+def test_names_that_the_hand_has_too_are_no_trouble(tmp_path: Path) -> None:
+    model, text = tmp_path / "model.sdf", file_of("cube").read_text()
+    text = text.replace('model name="cube"', 'model name="hand"')
+    model.write_text(text.replace('link name="cube"', 'link name="carriage"'))
+    assert pick_up(model, choose(*settle(model), SHORT), task=SHORT).held

@@ -51,7 +51,9 @@ from drake_polygrasp import (
 )
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.geometry.primitives import Primitive, tessellation
 from drake_polygrasp.planning.tip_room import with_tip_room
+from tests.convex_polyhedra import write_obj
 
 MODELS = Path(__file__).parents[1] / "models"
 CUBE, BRACKET = MODELS / "cube" / "cube.sdf", MODELS / "l_bracket" / "l_bracket.sdf"
@@ -233,6 +235,22 @@ def test_another_solids_file_is_refused(
     other.write_text(CUBE.read_text().replace(old, new))
     with pytest.raises(ModelError, match=difference):
         object_from_plant(*world(CUBE).asked, model_file=other)
+
+
+def test_a_mesh_with_the_facets_that_stand_for_a_ball_is_not_the_ball(tmp_path: Path) -> None:
+    ball = Primitive("ellipsoid", np.eye(3), np.zeros(3), np.full(3, 0.03))
+    sphere, mesh = tmp_path / "sphere.sdf", tmp_path / "mesh.sdf"
+    write_obj(tmp_path / "ball.obj", tessellation(ball))
+    box = "<box><size>0.06 0.06 0.06</size></box>"
+    for file, shape in (
+        (sphere, "<sphere><radius>0.03</radius></sphere>"),
+        (mesh, "<mesh><uri>ball.obj</uri></mesh>"),
+    ):
+        file.write_text(CUBE.read_text().replace(box, shape))
+    for file, other in ((sphere, mesh), (mesh, sphere)):
+        assert object_from_plant(*world(file).asked, model_file=file).source is not None
+        with pytest.raises(ModelError, match="geometry differs"):
+            object_from_plant(*world(file).asked, model_file=other)
 
 
 def test_mu_replaces_the_friction_of_plant_and_file() -> None:

@@ -11,8 +11,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE
+from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Polyhedron
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.body_object import (
     DEFAULT_MU,
@@ -145,9 +146,10 @@ def _differences(live: GraspObject, filed: GraspObject) -> Iterator[str]:
     """Why a grasp of the file's object would be none of the plant's."""
     here, there = live.polyhedron, filed.polyhedron
     slack = LENGTH_TOLERANCE * there.diameter
-    if here.triangles_B.shape != there.triangles_B.shape:
+    kinds = [[solid.kind for solid in polyhedron.primitives] for polyhedron in (here, there)]
+    if here.triangles_B.shape != there.triangles_B.shape or kinds[0] != kinds[1]:
         yield "the collision geometry differs"
-    elif not (np.abs(here.triangles_B - there.triangles_B) <= slack).all():
+    elif not (np.abs(_measures(here) - _measures(there)) <= slack).all():
         yield "the collision geometry differs in size or place"
     if filed.mass is not None:
         if live.mass is None or abs(live.mass - filed.mass) > _ROUNDING * filed.mass:
@@ -159,3 +161,9 @@ def _differences(live: GraspObject, filed: GraspObject) -> Iterator[str]:
     mu = [[face.mu for face in polyhedron.faces] for polyhedron in (here, there)]
     if len(mu[0]) != len(mu[1]) or any(a < b for a, b in zip(*mu, strict=True)):
         yield f"its friction is {min(mu[0])}, the file's {max(mu[1])}; give mu to plan with less"
+
+
+def _measures(polyhedron: Polyhedron) -> Array:
+    """Corners of triangles, and centres and radii of curved solids, which they but suggest [m]."""
+    curved = [np.append(solid.p_BG, solid.radii) for solid in polyhedron.primitives]
+    return np.concatenate([polyhedron.triangles_B.ravel(), *curved])
