@@ -25,6 +25,8 @@ reach whatever is open to them."""
 _SAMPLES = 2
 """Per side of a cell, ours: samples of the surface so near to each other leave no way through it
 from a cell to its neighbour."""
+_AT_ONCE = 64
+"""Triangles that are sampled together, ours: some 100 MB at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +67,9 @@ def find_cavities(
     low = triangles.min(axis=(0, 1)) - 1.5 * side
     shape = np.ceil((triangles.max(axis=(0, 1)) - low) / side).astype(np.int64) + 1
     free = np.ones(tuple(shape), dtype=bool)
-    cells = np.floor((_samples(triangles, side / _SAMPLES) - low) / side).astype(np.int64)
-    free[tuple(cells.T)] = False
+    for some in np.array_split(triangles, len(triangles) // _AT_ONCE + 1):
+        cells = np.floor((_samples(some, side / _SAMPLES) - low) / side).astype(np.int64)
+        free[tuple(cells.T)] = False
     run, room = _rooms(free)
     rooms = np.unique(room[room != room[0]])  # The first cell is outside.
     first = np.searchsorted(run.ravel(), rooms)
