@@ -152,6 +152,11 @@ REFUSED: dict[str, tuple[str, str, str]] = {
         obj([" ".join([*v.split()[:3], "0"]) for v in VERTICES], QUADS),
         "flat",
     ),
+    "a mesh with a vertex far away": (
+        "x.obj",
+        obj([*VERTICES[:7], "v 1e9 1 1"], QUADS),
+        "a vertex far away from the others",
+    ),
     "a binary mesh": ("x.obj", "\0\1\2" * 99, "at least 4 vertices"),
     **{
         f"a box of size {name}": ("x.sdf", sdf(f"<box><size>1 {text} 1</size></box>"), "size of a")

@@ -73,6 +73,11 @@ def build_polyhedron(
     L = diameter(np.concatenate([part.triangles_B.reshape(-1, 3) for part in parts]))
     mesh = _mesh(parts, LENGTH_TOLERANCE * L)
     triangles = mesh.vertices[mesh.corners]
+    if not len(triangles):
+        raise ModelError(
+            f"all its triangles are flat, thinner than a rounding error of its length of {L:g} m; "
+            "look for a vertex far away from the others"
+        )
     primitives = tuple(part.primitive for part in parts if part.primitive is not None)
     cavities = None
     if not _is_one_solid(mesh):
