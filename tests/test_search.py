@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from itertools import combinations
 
 import numpy as np
@@ -140,6 +141,18 @@ def test_convex_objects_and_points_for_fingers_have_room_everywhere() -> None:
     holed = solid(holed_prism(6, 1, 0)).polyhedron
     regions = erode(holed)
     assert with_tip_room(regions, holed, 0.0) is regions
+
+
+def test_tips_of_a_giant_have_the_room_of_a_dwarf_and_nothing_is_said() -> None:
+    corner = shapely.box(0, 0, 120, 20).union(shapely.box(0, 0, 20, 60))
+    areas = []
+    for scale in (1e-3, 1.0):
+        polyhedron = solid(prism(corner, 30.0) * scale).polyhedron
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            clear = with_tip_room(erode(polyhedron), polyhedron, 3.0 * scale)
+        areas.append(clear.area / scale**2)
+    np.testing.assert_allclose(areas[0], areas[1], rtol=1e-6)
 
 
 def test_on_hundreds_of_faces_random_search_finds_much_worse() -> None:

@@ -32,7 +32,7 @@ FIRST_STEP = 0.35
 GROW, SHRINK = 1.3, 0.6
 """Of the step after a success and a failure, ours."""
 PATIENCE = 6
-"""Measurements in a row that none of the grasps may fail to rise in, ours."""
+"""Measurements in a row in which no grasp rises, before all end, ours."""
 REMEMBERED = 48
 """Directions a grasp remembers at most, ours."""
 

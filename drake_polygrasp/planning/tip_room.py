@@ -111,7 +111,8 @@ def _blocked(triangles_F: Array, low: float, tip_radius: float) -> shapely.Geome
     tail, head = triangles_F, np.roll(triangles_F, -1, axis=1)
     rise = head[..., 2] - tail[..., 2]
     rise = np.where(rise == 0, np.finfo(float).tiny, rise)
-    ends = (np.array([low, 2 * tip_radius]) - tail[..., 2:]) / rise[..., None]
+    with np.errstate(over="ignore"):  # Infinite ends are cut off below.
+        ends = (np.array([low, 2 * tip_radius]) - tail[..., 2:]) / rise[..., None]
     start, end = np.clip(np.sort(ends, axis=-1), 0.0, 1.0).transpose(2, 0, 1)
     height = tail[..., 2] + np.stack([start, end]) * rise
     slack = 1e-9 * tip_radius
