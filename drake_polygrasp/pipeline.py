@@ -14,7 +14,7 @@ from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
 from drake_polygrasp.contenders import KINDS, Contenders, contenders
-from drake_polygrasp.epsilon_bound import epsilon_upper_bound
+from drake_polygrasp.epsilon_bound import COARSE_TURNS, TURNS, epsilon_upper_bound
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import Regions
@@ -30,9 +30,8 @@ from drake_polygrasp.planning.search import (
     sets_of,
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
-from drake_polygrasp.planning.variants import Steps, improved_triples, place_in_set
+from drake_polygrasp.planning.variants import Steps, improved_triples, place_in_set, usable
 from drake_polygrasp.task import Task, make_task, rows_of
-from drake_polygrasp.wrench import force_closure
 
 Rank = Literal["epsilon", "margin", "Q"]
 
@@ -45,6 +44,7 @@ CHOSEN_SETS = 100
 """How many sets the search then chooses, ours."""
 POINTS_A_REGION = 1.3
 """Sample points where there are many regions, ours."""
+MANY_POINTS = 100
 SPARE = 5
 """Sets proved beyond those wanted, for bounds of epsilon do not quite rank as epsilon, ours."""
 
@@ -215,14 +215,14 @@ def _enriched(task: Task, steps: Steps) -> Contenders:
     clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
     none = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
     if steps.search and len(regions.face) > MANY_REGIONS:
-        num_points = int(POINTS_A_REGION * len(regions.face))
+        num_points = max(MANY_POINTS, int(POINTS_A_REGION * len(regions.face)))
         found = best_triples(clear, none, *scale, num_points)
         first = first_of_each_set(found.region)[:CHOSEN_SETS]
         found, plan = found.take(first), task.plan(steps, sets_of(found.region[first]))
-        known = _known(regions, plan)
+        known = _known(clear, plan)
     else:
         plan = task.plan(steps)
-        known = _known(regions, plan)
+        known = _known(clear, plan)
         found = best_triples(clear, known, *scale, POINTS) if steps.search else none
     triples = joined(known, found)
     better = improved_triples(clear, triples, *scale) if steps.improve else found
@@ -230,13 +230,11 @@ def _enriched(task: Task, steps: Steps) -> Contenders:
 
 
 def _known(regions: Regions, plan: SetPlan) -> Triples:
-    """The constructions that are force closure, best Q first."""
+    """The constructions that are usable, best Q first."""
     rows = plan.candidates
     rows = rows.take(has_contacts(rows.p_BC))
-    contacts = rows.p_BC, regions.nhat_TB_B[rows.region], regions.mu[rows.region]
-    rows = rows.take(force_closure(*contacts))
-    order = np.argsort(-rows.Q, kind="stable")
-    return Triples(rows.region[order], rows.p_BC[order])
+    known = Triples(rows.region, rows.p_BC).take(np.argsort(-rows.Q, kind="stable"))
+    return known.take(usable(regions, known))
 
 
 def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proof]:
@@ -253,7 +251,7 @@ def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proo
 def _judged_by_bound(work: Contenders, wanted: int) -> dict[int, Proof]:
     """Proofs of the two best of each set, by their bounds of epsilon; the rest only if needed."""
     rows = np.flatnonzero(work.outcome == UNJUDGED)
-    bound = _bound(work, rows)
+    bound = _bound(work, rows, COARSE_TURNS)
     order = np.lexsort((rows, -np.round(bound, 9)))
     rows, bound = rows[order], bound[order]
     is_first = place_in_set(work.candidates.set_index[rows]) < 2
@@ -263,10 +261,10 @@ def _judged_by_bound(work: Contenders, wanted: int) -> dict[int, Proof]:
     return proofs
 
 
-def _bound(work: Contenders, rows: Ints) -> Array:
+def _bound(work: Contenders, rows: Ints, num_turns: int = TURNS) -> Array:
     p_BC, nhat_TB_B, mu = (values[rows] for values in work.contacts)
     object_ = work.task.object_
-    return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho)
+    return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho, num_turns)
 
 
 def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:

@@ -27,5 +27,5 @@ def cross(a: Array, b: Array) -> Array:
 def unit(vectors: Array) -> Array:
     """The vectors divided by their lengths; zero stays zero."""
     length = np.sqrt(dot(vectors, vectors))[..., None]
-    directions: Array = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    directions: Array = vectors / np.where(length > 0, length, 1.0)
     return directions

@@ -23,6 +23,7 @@ alone means nothing: collinear points, once turned, have one of 1e-19 m^2."""
 _ON_A_SIDE = 1e-9
 """Ours: of unit wrenches, what is nearer to a plane than this is on it."""
 _PAIRS = np.array(list(itertools.combinations(range(6), 2)))
+_ENDS = np.array([0, 1, 2, 0, 1, 2])
 
 
 def contact_triangle(p_BC: Array) -> tuple[Array, Array]:
@@ -54,8 +55,11 @@ def plane_normal(p_BC: Array) -> Array:
 def non_collinear(p_BC: Array) -> Bools:
     """Whether the contacts span a triangle with room, shape (M,); needed for force closure."""
     p, longest = contact_triangle(p_BC)
-    area = np.linalg.norm(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=-1)
-    spread: Bools = (area >= MIN_AREA_RATIO) & (longest > 0)
+    return _has_room(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), longest)
+
+
+def _has_room(area: Array, longest: Array) -> Bools:
+    spread: Bools = (dot(area, area) >= MIN_AREA_RATIO**2) & (longest > 0)
     return spread
 
 
@@ -89,13 +93,17 @@ def contact_frames(p_BC: Array, nhat_TB_B: Array) -> Array:
     computed in these frames depends on the body frame; where that part vanishes (such a grasp
     cannot hold) t_1 is the part of an axis of B.
     """
-    N = np.broadcast_to(plane_normal(p_BC)[:, None], nhat_TB_B.shape)
-    tangent = N - (N * nhat_TB_B).sum(-1, keepdims=True) * nhat_TB_B
-    axis = np.eye(3)[np.abs(nhat_TB_B).argmin(axis=-1)]
-    fallback = cross(nhat_TB_B, axis)
-    usable = np.linalg.norm(tangent, axis=-1, keepdims=True) > _ON_A_SIDE
-    t_1 = unit(np.where(usable, tangent, fallback))
-    return np.stack([nhat_TB_B, t_1, cross(nhat_TB_B, t_1)], axis=2)
+    N = plane_normal(p_BC)[:, None]
+    tangent = N - dot(N, nhat_TB_B)[..., None] * nhat_TB_B
+    vanishes = dot(tangent, tangent) <= _ON_A_SIDE**2
+    if vanishes.any():
+        axis = np.eye(3)[np.abs(nhat_TB_B[vanishes]).argmin(axis=-1)]
+        tangent[vanishes] = cross(nhat_TB_B[vanishes], axis)
+    frames = np.empty((*nhat_TB_B.shape, 3))
+    frames[:, :, 0] = nhat_TB_B
+    frames[:, :, 1] = unit(tangent)
+    frames[:, :, 2] = cross(nhat_TB_B, frames[:, :, 1])
+    return frames
 
 
 def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
@@ -106,28 +114,31 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
     to the hull of the six planar wrenches along the edges of the cut cones. That is so unless a
     plane through two of them and the origin has all others on one closed side.
     """
-    p, _ = contact_triangle(p_BC)
-    N = plane_normal(p_BC)
-    sin_phi = np.einsum("mij,mj->mi", nhat_TB_B, N)
-    cos_phi = np.sqrt(np.clip(1.0 - sin_phi**2, 0.0, 1.0))
+    p, longest = contact_triangle(p_BC)
+    area = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    N = unit(area)
+    sin_phi = dot(nhat_TB_B, N[:, None])
+    cos_phi = np.sqrt(np.maximum(1.0 - sin_phi**2, 0.0))
     cos_alpha = 1.0 / np.sqrt(1.0 + mu**2)
     cuts = (cos_phi > cos_alpha + _ON_A_SIDE).all(axis=1)
+    closed: Bools = cuts & _has_room(area, longest)
+    # Few pass so far, and what follows costs most.
+    rows = np.flatnonzero(closed)
+    p, N, cos_phi = p[rows], N[rows, None], cos_phi[rows]
 
-    axis = unit(nhat_TB_B - sin_phi[..., None] * N[:, None])
-    cos_beta = np.minimum(np.divide(cos_alpha, cos_phi, out=np.ones_like(mu), where=cos_phi > 0), 1)
-    across = np.sqrt(1.0 - cos_beta**2)[..., None] * cross(N[:, None], axis)
-    edges = np.stack([cos_beta[..., None] * axis + s * across for s in (-1, 1)], axis=2)
+    axis = unit(nhat_TB_B[rows] - sin_phi[rows, :, None] * N)
+    cos_beta = np.minimum(cos_alpha[rows] / cos_phi, 1.0)[..., None]
+    along, across = cos_beta * axis, np.sqrt(1.0 - cos_beta**2) * cross(N, axis)
+    edges = np.concatenate([along - across, along + across], axis=1)
     # (fx, fy, tau) of each edge without a choice of axes in the plane: the planar force turned
     # into B, plus its torque along N.
-    torque = cross(p[:, :, None], edges)
-    wrenches = unit((edges + torque).reshape(len(p), 6, 3))
+    wrenches = unit(edges + cross(p[:, _ENDS], edges))
 
     facet = cross(wrenches[:, _PAIRS[:, 0]], wrenches[:, _PAIRS[:, 1]])
-    independent = np.linalg.norm(facet, axis=-1) > _ON_A_SIDE
+    independent = dot(facet, facet) > _ON_A_SIDE**2
     side = facet @ wrenches.transpose(0, 2, 1)
     both = (side.max(axis=-1) > _ON_A_SIDE) & (side.min(axis=-1) < -_ON_A_SIDE)
-    encloses = (both | ~independent).all(axis=1) & independent.any(axis=1)
-    closed: Bools = non_collinear(p_BC) & cuts & encloses
+    closed[rows] = (both | ~independent).all(axis=1) & independent.any(axis=1)
     return closed
 
 
@@ -147,10 +158,25 @@ def cone_wrenches(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: 
     Returns:
         Shape (M, 3 contacts, 3 rows, 6).
     """
-    forces = contact_frames(p_BC, nhat_TB_B)
-    forces[:, :, 1:] *= mu[..., None, None]
-    torques = cross((p_BC - p_BBcm)[:, :, None], forces) / rho
-    return np.concatenate([forces, torques], axis=-1)
+    return frame_wrenches(contact_frames(p_BC, nhat_TB_B), (p_BC - p_BBcm) / rho, mu)
+
+
+def frame_wrenches(frames: Array, r: Array, mu: Array) -> Array:
+    """`cone_wrenches` of contacts with known frames.
+
+    Args:
+        frames: (nhat, t_1, t_2) as rows, shape (..., 3, 3).
+        r: contact points, from the centre of mass over rho, shape (..., 3).
+        mu: friction coefficients, shape (...).
+
+    Returns:
+        Shape (..., 3 rows, 6).
+    """
+    wrenches = np.empty((*frames.shape[:-1], 6))
+    wrenches[..., :3] = frames
+    wrenches[..., 1:, :3] *= mu[..., None, None]
+    wrenches[..., 3:] = cross(r[..., None, :], wrenches[..., :3])
+    return wrenches
 
 
 def support(cones: Array, directions: Array) -> tuple[Array, Array]:

@@ -20,9 +20,9 @@ from drake_polygrasp.planning.search import Triples
 from drake_polygrasp.planning.variants import (
     best_first,
     best_places,
-    improved_triples,
     place_in_set,
     set_numbers,
+    usable,
 )
 from drake_polygrasp.wrench import force_closure
 from tests.common import prism_grasp, random_contacts, random_rotations
@@ -112,9 +112,9 @@ def test_starts_outside_or_without_force_closure_are_left_out(name: str) -> None
     regions, starts = constructed(object_)
     outside = Triples(starts.region, starts.p_BC + 0.01 * regions.R_BF[starts.region][..., 0] * 20)
     slipping = Triples(starts.region[:, [0, 0, 0]], starts.p_BC[:, [0, 0, 0]])
+    assert len(usable(regions, starts)) == len(starts.region)
     for useless in (outside, slipping):
-        none = improved_triples(regions, useless, object_.p_BBcm, object_.rho)
-        assert not len(none.region)
+        assert not len(usable(regions, useless))
 
 
 def test_starts_are_the_best_and_not_all_on_one_set() -> None:

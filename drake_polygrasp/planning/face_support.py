@@ -21,29 +21,48 @@ class FaceTwists:
     """Directions w read as twists (v, rho omega), each expressed in the frame of a face F."""
 
     v_F: Array
-    """Velocity of the body at Fo, shape (..., K, 3)."""
+    """Velocity of the body at Fo, shape (..., 3, K)."""
     w_F: Array
-    """Angular velocity [1/m], shape (..., K, 3)."""
+    """Angular velocity [1/m], shape (..., 3, K)."""
     mu: Array
     """Of each face, shape (...)."""
 
     def support(self, p_FC: Array) -> Array:
         """h_i(w) of contacts at points of the faces [m]: (..., C, 2) to (..., C, K)."""
         x, y = p_FC[..., 0, None], p_FC[..., 1, None]
-        v, w = self.v_F[..., None, :, :], self.w_F[..., None, :, :]
-        g_x, g_y = v[..., 0] - w[..., 2] * y, v[..., 1] + w[..., 2] * x
-        g_z = v[..., 2] + w[..., 0] * y - w[..., 1] * x
+        v_x, v_y, v_z = (self.v_F[..., None, axis, :] for axis in range(3))
+        w_x, w_y, w_z = (self.w_F[..., None, axis, :] for axis in range(3))
+        g_x, g_y = v_x - w_z * y, v_y + w_z * x
         # The inward normal is -Fz.
-        h: Array = self.mu[..., None, None] * np.sqrt(g_x * g_x + g_y * g_y) - g_z
+        h: Array = self.mu[..., None, None] * np.sqrt(g_x * g_x + g_y * g_y)
+        h -= v_z + w_x * y - w_y * x
         return h
+
+    def joined(self, others: FaceTwists) -> FaceTwists:
+        """These directions and others, on the same faces."""
+        return FaceTwists(
+            np.concatenate([self.v_F, others.v_F], axis=-1),
+            np.concatenate([self.w_F, others.w_F], axis=-1),
+            self.mu,
+        )
+
+    def take(self, directions: Ints) -> FaceTwists:
+        """Some of the directions, the same for three faces each: (M, 3, K) and (M, J)."""
+        rows = np.arange(len(directions))[:, None]
+        return FaceTwists(
+            np.moveaxis(self.v_F[rows, ..., directions], 1, -1),
+            np.moveaxis(self.w_F[rows, ..., directions], 1, -1),
+            self.mu,
+        )
 
 
 def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: float) -> FaceTwists:
     """Directions w, shape (..., K, 6), on regions, shape (...); the shapes broadcast."""
-    R_BF = regions.R_BF[region]
+    R_FB = regions.R_BF[region].swapaxes(-1, -2)
     v, omega = w[..., :3], w[..., 3:]
     v = v + cross(omega, (regions.p_BF[region] - p_BBcm)[..., None, :] / rho)
-    return FaceTwists(v @ R_BF, omega @ R_BF / rho, regions.mu[region])
+    v_F, w_F = R_FB @ v.swapaxes(-1, -2), R_FB @ (omega / rho).swapaxes(-1, -2)
+    return FaceTwists(v_F, w_F, regions.mu[region])
 
 
 def points_on(regions: Regions, region: Ints, p_FC: Array) -> Array:

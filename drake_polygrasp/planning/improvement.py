@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.epsilon_bound import critical_directions
+from drake_polygrasp.epsilon_bound import COARSE_TURNS, critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
 from drake_polygrasp.planning.planar import Shapes
@@ -27,13 +27,15 @@ STEPS = 3
 """Joint moves between measurements, ours."""
 TURN = np.pi / 5.1
 """[rad], ours: how far the axes turn from step to step, so that they favour no direction."""
-FIRST_STEP = 0.35
+FIRST_STEP = 0.1
 """Times the square root of the largest region's area, ours."""
-GROW, SHRINK = 1.3, 0.6
-"""Of the step after a success and a failure, ours."""
-PATIENCE = 6
-"""Measurements in a row in which no grasp rises, before all end, ours."""
-REMEMBERED = 48
+SCALES = np.array([3.0, 1.0, 0.3])
+"""Steps that are tried side by side and measured together, times the step, ours."""
+NEXT_STEP = np.array([0.2, 4.5, 1.5, 0.45])
+"""What the step is multiplied by if none of them rises, and if one is best, ours."""
+PATIENCE = 2
+"""Rounds in a row in which no grasp rises, before all end, ours."""
+REMEMBERED = 32
 """Directions a grasp remembers at most, ours."""
 
 
@@ -44,7 +46,6 @@ def improved(
     p_BBcm: Array,
     rho: float,
     rounds: int,
-    first_step: float = FIRST_STEP,
 ) -> tuple[Array, Array]:
     """Contacts moved to raise epsilon; none ends with a lower bound than it began with.
 
@@ -55,64 +56,77 @@ def improved(
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         rounds: measurements.
-        first_step: times the square root of the largest region's area.
 
     Returns:
         p_BC [m], shape (M, 3, 3), and the bound of epsilon over all directions met, shape (M,).
     """
-    nhat_TB_B, mu = regions.nhat_TB_B[region], regions.mu[region]
+    rows, tried = np.arange(len(region)), len(SCALES)
     polygons = regions.polygon_F[region]
+    shapely.prepare(polygons)
 
-    def measure(p_FC: Array) -> tuple[Array, Array]:
-        contacts = points_on(regions, region, p_FC), nhat_TB_B, mu
-        w, bound = critical_directions(*contacts, p_BBcm, rho)
+    def measure(p_FC: Array, region: Ints) -> tuple[Array, Array]:
+        contacts = points_on(regions, region, p_FC), regions.nhat_TB_B[region], regions.mu[region]
+        w, bound = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS)
         # Of contacts that cannot hold, the bound says nothing.
         return w, np.where(force_closure(*contacts), bound, 0.0)
 
     p_FC = points_in_faces(regions, region, p_BC)
-    step = first_step * np.sqrt(regions.area[region].max(axis=1))
-    w, bound = measure(p_FC)
+    step = FIRST_STEP * np.sqrt(regions.area[region].max(axis=1))
+    w, bound = measure(p_FC, region)
+    twists = face_twists(regions, region, w[:, None], p_BBcm, rho)
     failures = 0
     for number in range(rounds):
-        twists = face_twists(regions, region, w[:, None], p_BBcm, rho)
-        moved = _climb(twists.support, polygons, p_FC, step, number)
-        found, moved_bound = measure(moved)
-        w = np.concatenate([w, found], axis=1)
-        twists = face_twists(regions, region, w[:, None], p_BBcm, rho)
-        heights = [twists.support(p[:, :, None]).max(axis=(1, 2)) for p in (p_FC, moved)]
-        bound = np.minimum(bound, heights[0].min(axis=1))
-        moved_bound = np.minimum(moved_bound, heights[1].min(axis=1))
-        rises = moved_bound > bound
-        p_FC = np.where(rises[:, None, None], moved, p_FC)
-        bound = np.where(rises, moved_bound, bound)
-        failures = 0 if rises.any() else failures + 1
+        moved = _climb(twists.support, polygons, p_FC, step[:, None] * SCALES, number)
+        found, moved_bound = measure(
+            moved.swapaxes(1, 2).reshape(-1, 3, 2), np.repeat(region, tried, axis=0)
+        )
+        w = found.reshape(len(rows), 1, -1, 6)
+        twists = twists.joined(face_twists(regions, region, w, p_BBcm, rho))
+        places = np.concatenate([p_FC[:, :, None], moved], axis=2)
+        height = twists.support(places).max(axis=1)
+        bounds = np.column_stack([bound, moved_bound.reshape(len(rows), tried)])
+        bounds = np.minimum(bounds, height.min(axis=2))
+        best = bounds.argmax(axis=1)
+        p_FC, bound, height = places[rows, :, best], bounds[rows, best], height[rows, best]
+        failures = 0 if best.any() else failures + 1
         if failures == PATIENCE:
             break
-        step = step * np.where(rises, GROW, SHRINK)
-        height = np.where(rises[:, None], heights[1], heights[0])
-        kept = np.argsort(height, axis=1, kind="stable")[:, :REMEMBERED]
-        w = np.take_along_axis(w, kept[..., None], axis=1)
+        step = step * NEXT_STEP[best]
+        if height.shape[1] > REMEMBERED:
+            twists = twists.take(np.argpartition(height, REMEMBERED, axis=1)[:, :REMEMBERED])
     return points_on(regions, region, p_FC), bound
 
 
 def _climb(
-    support: Callable[[Array], Array], polygons: Shapes, p_FC: Array, step: Array, number: int
+    support: Callable[[Array], Array], polygons: Shapes, p_FC: Array, steps: Array, number: int
 ) -> Array:
-    """The best joint moves against the directions of `support`, `STEPS` times, (M, 3, 2)."""
-    combinations = (len(MOVES),) * 3
+    """The best joint moves against the directions of `support`, `STEPS` times.
+
+    Args:
+        support: of places (M, 3, C, 2), shape (M, 3, C, K).
+        polygons: where each contact may be, shape (M, 3).
+        p_FC: contacts, shape (M, 3, 2).
+        steps: lengths of moves that are tried side by side [m], shape (M, S).
+        number: turns the axes of the moves.
+
+    Returns:
+        Shape (M, 3, S, 2).
+    """
+    (M, S), C = steps.shape, len(MOVES)
+    row, side = np.arange(M)[:, None], np.arange(S)
+    p_FC = np.repeat(p_FC[:, :, None], S, axis=2)
     for turn in TURN * (STEPS * number + np.arange(STEPS)):
         c, s = np.cos(turn), np.sin(turn)
-        offsets = MOVES @ np.array([[c, s], [-s, c]])
-        places = p_FC[:, :, None] + step[:, None, None, None] * offsets
-        places = _nearest_inside(polygons, places)
-        places[:, :, 0] = p_FC
-        h = support(places)
-        both = np.maximum(h[:, 0, :, None], h[:, 1, None])
-        height = np.maximum(both[:, :, :, None], h[:, 2, None, None]).min(axis=-1)
-        best = height.reshape(len(p_FC), -1).argmax(axis=1)
-        chosen = np.stack(np.unravel_index(best, combinations), axis=1)
-        p_FC = np.take_along_axis(places, chosen[..., None, None], axis=2)[:, :, 0]
-        step = np.where(best == 0, step / 2, step)
+        offsets = steps[:, None, :, None, None] * (MOVES @ np.array([[c, s], [-s, c]]))
+        places = _nearest_inside(polygons, (p_FC[:, :, :, None] + offsets).reshape(M, 3, -1, 2))
+        h = support(places).reshape(M, 3, S, C, -1)
+        places = places.reshape(M, 3, S, C, 2)
+        both = np.maximum(h[:, 0, :, :, None], h[:, 1, :, None])
+        height = np.maximum(both[:, :, :, :, None], h[:, 2, :, None, None]).min(axis=-1)
+        best = height.reshape(M, S, -1).argmax(axis=2)
+        chosen = np.unravel_index(best, (C, C, C))
+        p_FC = np.stack([places[row, i, side, chosen[i]] for i in range(3)], axis=1)
+        steps = np.where(best == 0, steps / 2, steps)
     return p_FC
 
 

@@ -99,7 +99,7 @@ def _directions(regions: Regions, known: Triples, p_BBcm: Array, rho: float) -> 
     if not len(known.region):
         return pure
     nhat, mu = regions.nhat_TB_B[known.region], regions.mu[known.region]
-    w, _ = critical_directions(known.p_BC, nhat, mu, p_BBcm, rho, turns=True)
+    w, _ = critical_directions(known.p_BC, nhat, mu, p_BBcm, rho, rotations=True)
     return np.concatenate([pure, w.reshape(-1, 6)])
 
 

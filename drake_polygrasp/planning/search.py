@@ -16,11 +16,11 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.epsilon_bound import critical_directions
+from drake_polygrasp.epsilon_bound import COARSE_TURNS, critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.face_support import face_twists, points_on
+from drake_polygrasp.planning.face_support import points_on
 from drake_polygrasp.planning.planar import gather
-from drake_polygrasp.wrench import force_closure
+from drake_polygrasp.wrench import force_closure, frame_wrenches
 
 POINTS = 100
 """Sample points on objects of few regions, ours."""
@@ -40,6 +40,8 @@ _BLOCK = 8
 """Times the number wanted: triples collected before the threshold is raised."""
 _AT_ONCE = 400_000
 """Ours: pairs times directions or points looked at together, some megabytes."""
+_ROWS = 256
+"""Triples measured at once, which keeps them in the cache."""
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
@@ -84,6 +86,7 @@ def best_triples(
     if len(region) < 3:
         return known.take(np.arange(0))
     p_BC = points_on(regions, region, p_FC)
+    cones = frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
     if not len(known.region):
         known = _drawn(regions, region, p_BC)
     w, found = np.empty((0, 6)), known.take(np.arange(0))
@@ -92,8 +95,7 @@ def best_triples(
         if number >= PASSES and len(found.region):
             break
         w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
-        twists = face_twists(regions, region, w, p_BBcm, rho)
-        rows = cover(twists.support(p_FC[:, None])[:, 0], max(KEPT, len(region)))
+        rows = cover(_support(cones, w), max(KEPT, len(region)))
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
         holds, slips = (
@@ -154,9 +156,23 @@ def _rings(polygons: npt.NDArray[np.object_]) -> tuple[Array, Ints]:
     return points[~repeated], part_owner[ring_part[ring[~repeated]]]
 
 
+def _frames(regions: Regions) -> Array:
+    """Inward normal and two tangents of each region as rows, shape (R, 3, 3)."""
+    x, y, z = np.moveaxis(regions.R_BF, 2, 0)
+    return np.stack([-z, x, y], axis=1)
+
+
+def _support(cones: Array, w: Array) -> Array:
+    """h_i(w) of the contacts of cones (N, 3, 6) in directions (K, 6), shape (N, K)."""
+    n, t_1, t_2 = cones.transpose(1, 0, 2) @ w.T
+    h: Array = n + np.sqrt(t_1 * t_1 + t_2 * t_2)
+    return h
+
+
 def _weakest(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
     nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
-    w, _ = critical_directions(triples.p_BC, nhat, mu, p_BBcm, rho, turns=True)
+    contacts = triples.p_BC, nhat, mu
+    w, _ = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS, rotations=True)
     return w.reshape(-1, 6)
 
 
@@ -214,7 +230,7 @@ def _thresholds(h: Array, num: int) -> Array:
     """Falling thresholds, from one that some more than `num` triples should pass to none at all."""
     N = len(h)
     sample = np.random.default_rng(0).integers(0, N, (500, 3))
-    height = h[sample].max(axis=1).min(axis=1)
+    height = _heights(h, sample)
     share = min(1.0, max(20 * num / N**3, 1e-3))
     shares = np.geomspace(share, 1.0, 4)
     return np.append(np.quantile(height, 1.0 - shares), -np.inf)
@@ -289,9 +305,15 @@ class _Covers:
 
 
 def _greatest(h: Array, triples: Ints, num: int) -> tuple[Ints, Array]:
-    height = np.empty(len(triples))
-    for rows in np.array_split(np.arange(len(triples)), len(triples) // 4096 + 1):
-        i, j, k = triples[rows].T
-        height[rows] = np.maximum(np.maximum(h[i], h[j]), h[k]).min(axis=1)
+    height = _heights(h, triples)
     order = np.argsort(-height, kind="stable")[:num]
     return triples[order], height[order]
+
+
+def _heights(h: Array, triples: Ints) -> Array:
+    """min_w max(h_i, h_j, h_k) of triples (M, 3), shape (M,)."""
+    height = np.empty(len(triples))
+    for rows in np.array_split(np.arange(len(triples)), len(triples) // _ROWS + 1):
+        i, j, k = triples[rows].T
+        height[rows] = np.maximum(np.maximum(h[i], h[j]), h[k]).min(axis=1)
+    return height

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.epsilon_bound import epsilon_upper_bound
+from drake_polygrasp.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
@@ -29,13 +29,11 @@ STARTS = 12
 """Triples that are improved, ours."""
 PLACES = 2
 """Of them at most so many on one set of regions, ours: the next best are often the same place."""
-ROUNDS = 6
+ROUNDS = 2
 """Of improvement for all starts, ours."""
-FINALISTS = 6
+FINALISTS = 4
 """Triples that are improved to the end, ours."""
-FINAL_ROUNDS = 12
-FINAL_STEP = 0.2
-"""First step of the finalists, times the square root of the largest region's area, ours."""
+FINAL_ROUNDS = 6
 EQUAL_BOUND = 1e-9
 """Relative, ours: bounds nearer than this are a tie."""
 
@@ -56,37 +54,39 @@ def improved_triples(regions: Regions, starts: Triples, p_BBcm: Array, rho: floa
     """The best of the triples, improved: all a little, those that lead then to the end.
 
     Args:
-        regions: where contacts may be; starts outside are left out.
-        starts: any number of triples.
+        regions: where contacts may be.
+        starts: any number of triples, all `usable`.
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
     """
-    starts = starts.take(np.flatnonzero(_inside(regions, starts)))
     starts = starts.take(best_places(regions, starts, p_BBcm, rho, STARTS, PLACES))
     if not len(starts.region):
         return starts
     p_BC, bound = improved(regions, starts.region, starts.p_BC, p_BBcm, rho, ROUNDS)
     all_moved = Triples(starts.region, p_BC)
     finalists = all_moved.take(best_first(bound)[:FINALISTS])
-    p_BC, _ = improved(
-        regions, finalists.region, finalists.p_BC, p_BBcm, rho, FINAL_ROUNDS, FINAL_STEP
-    )
+    p_BC, _ = improved(regions, finalists.region, finalists.p_BC, p_BBcm, rho, FINAL_ROUNDS)
     return joined(Triples(finalists.region, p_BC), all_moved)
+
+
+def usable(regions: Regions, triples: Triples) -> Ints:
+    """Rows that are force closure with all contacts in their regions."""
+    rows = np.flatnonzero(_inside(regions, triples))
+    region = triples.region[rows]
+    holds = force_closure(triples.p_BC[rows], regions.nhat_TB_B[region], regions.mu[region])
+    return rows[holds]
 
 
 def best_places(
     regions: Regions, triples: Triples, p_BBcm: Array, rho: float, num: int, places: int
 ) -> Ints:
-    """Rows that are force closure and of greatest bound of epsilon, some on each set of regions.
+    """Rows of greatest bound of epsilon, some on each set of regions.
 
     Returns:
         Up to `num` rows, best first, at most `places` of them on one set.
     """
-    nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
-    rows = np.flatnonzero(force_closure(triples.p_BC, nhat, mu))
-    contacts = triples.p_BC[rows], nhat[rows], mu[rows]
-    bound = epsilon_upper_bound(*contacts, p_BBcm, rho)
-    rows = rows[best_first(bound)]
+    contacts = triples.p_BC, regions.nhat_TB_B[triples.region], regions.mu[triples.region]
+    rows = best_first(epsilon_upper_bound(*contacts, p_BBcm, rho, COARSE_TURNS))
     return rows[place_in_set(set_numbers(triples.region[rows])) < places][:num]
 
 
