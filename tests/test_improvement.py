@@ -16,12 +16,11 @@ from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.outcome import has_contacts
 from drake_polygrasp.planning.planner import plan_sets
-from drake_polygrasp.planning.search import Triples
+from drake_polygrasp.planning.search import Triples, set_numbers
 from drake_polygrasp.planning.variants import (
     best_first,
     best_places,
     place_in_set,
-    set_numbers,
     usable,
 )
 from drake_polygrasp.wrench import force_closure

@@ -192,8 +192,16 @@ def _drawn(regions: Regions, region: Ints, p_BC: Array) -> Triples:
 
 def first_of_each_set(region: Ints) -> Ints:
     """The first row of each set of regions, ascending, (M, 3) to (K,)."""
-    _, first = np.unique(sets_of(region), axis=0, return_index=True)
+    _, first = np.unique(set_numbers(region), return_index=True)
     return np.sort(first)
+
+
+def set_numbers(region: Ints) -> Ints:
+    """A number for each row's set of regions, equal for equal sets, (M, 3) to (M,)."""
+    i, j, k = sets_of(region).T
+    num = region.max(initial=0) + 2
+    numbers: Ints = (i * num + j) * num + k
+    return numbers
 
 
 def sets_of(region: Ints) -> Ints:

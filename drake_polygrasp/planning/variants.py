@@ -17,7 +17,7 @@ from drake_polygrasp.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
-from drake_polygrasp.planning.search import Triples, joined, sets_of
+from drake_polygrasp.planning.search import Triples, joined, set_numbers
 from drake_polygrasp.wrench import force_closure
 
 SPREADS = (0.5, 0.9)
@@ -94,12 +94,6 @@ def best_first(value: Array) -> Ints:
     """Rows by falling value; of ties the first comes first."""
     scale = EQUAL_BOUND * max(value.max(initial=0.0), np.finfo(float).tiny)
     return np.argsort(-np.round(value / scale), kind="stable")
-
-
-def set_numbers(region: Ints) -> Ints:
-    """A number for each row's set of regions, equal for equal sets, (M, 3) to (M,)."""
-    _, number = np.unique(sets_of(region), axis=0, return_inverse=True)
-    return np.asarray(number).reshape(-1)
 
 
 def place_in_set(number: Ints) -> Ints:
