@@ -177,39 +177,35 @@ def section(
     s += dot(edges.head[index], axis[owner]) * fraction
 
     order = np.lexsort((s, owner))
-    s, owner = s[order], owner[order]
-    for parity in (1, 0):  # gaps begin at every second end, segments at the others
-        s, owner = _without_short(s, owner, parity, slack)
-    slot, counts = _slots(owner, len(region))
-    ends = np.full((len(region), max(2, int(counts.max(initial=0)))), np.nan)
-    ends[owner, slot] = s
+    low, high, owner = _segments(s[order], owner[order], slack)
+    counts = np.bincount(owner, minlength=len(region))
+    slot = np.arange(len(owner)) - (np.cumsum(counts) - counts)[owner]
+    intervals = np.full((len(region), max(1, int(counts.max(initial=0))), 2), np.nan)
+    intervals[owner, slot, 0], intervals[owner, slot, 1] = low, high
 
+    # Parallel to the face, the plane's direction across `axis` leads to no point of the cut.
     nhat_TB = regions.nhat_TB_B[region]
-    # axis, nhat and nhat_TB are independent: a cut along which `axis` is constant has no segments.
-    frame = np.stack([axis, nhat, nhat_TB], axis=1)
-    constants = np.stack([np.zeros_like(height), height, dot(nhat_TB, regions.p_BF[region])], -1)
-    columns = np.stack([constants, np.tile([1.0, 0.0, 0.0], (len(region), 1))], axis=-1)
-    singular = np.abs(np.linalg.det(frame)) < 1e-12
-    frame[singular] = np.eye(3)
-    ends[singular] = np.nan
-    line = np.linalg.solve(frame, columns)
-    return Section(line[..., 0], line[..., 1], ends.reshape(len(region), ends.shape[1] // 2, 2))
+    across = cross(axis, nhat)
+    steep = dot(nhat_TB, across)
+    singular = np.abs(steep) < 1e-12
+    intervals[singular] = np.nan
+    down = across / np.where(singular, 1.0, steep)[:, None]
+    p_BN = height[:, None] * nhat
+    rise = dot(nhat_TB, regions.p_BF[region] - p_BN)
+    return Section(
+        p_BN + rise[:, None] * down, axis - dot(nhat_TB, axis)[:, None] * down, intervals
+    )
 
 
-def _slots(owner: Ints, num_rows: int) -> tuple[Ints, Ints]:
-    """Position of each sorted item among its owner's, and how many items each row owns."""
-    counts = np.bincount(owner, minlength=num_rows)
-    return np.arange(len(owner)) - (np.cumsum(counts) - counts)[owner], counts
-
-
-def _without_short(s: Array, owner: Ints, parity: int, slack: float) -> tuple[Array, Ints]:
-    """Without the pairs of neighbours, the first at a slot of this parity, that nearly touch."""
-    slot, _ = _slots(owner, 1 + int(owner.max(initial=0)))
-    short = (slot[:-1] % 2 == parity) & (owner[:-1] == owner[1:]) & (np.diff(s) <= slack)
-    keep = np.ones(len(s), dtype=bool)
-    keep[:-1] &= ~short
-    keep[1:] &= ~short
-    return s[keep], owner[keep]
+def _segments(ends: Array, owner: Ints, slack: float) -> tuple[Array, Array, Ints]:
+    """Segments between sorted ends, an even number for each owner: low, high, and whose."""
+    low, high, owner = ends[::2], ends[1::2], owner[::2]
+    is_gap = (owner[1:] != owner[:-1]) | (low[1:] - high[:-1] > slack)
+    begins, stops = np.ones((2, len(low)), dtype=bool)
+    begins[1:], stops[:-1] = is_gap, is_gap
+    low, high, owner = low[begins], high[stops], owner[begins]
+    long = high - low > slack
+    return low[long], high[long], owner[long]
 
 
 def within(intervals: Array, s: Array, slack: float) -> Bools:
@@ -251,10 +247,9 @@ def nearest(intervals: Array, s: Array, slack: float) -> Array:
 
 def outer_ends(intervals: Array) -> Array:
     """Least and greatest end over all intervals, shape (..., 2); NaN where all are empty."""
-    low = np.where(np.isnan(intervals[..., 0]), np.inf, intervals[..., 0]).min(axis=-1)
-    high = np.where(np.isnan(intervals[..., 1]), -np.inf, intervals[..., 1]).max(axis=-1)
-    ends = np.stack([low, high], axis=-1)
-    ends[~np.isfinite(low)] = np.nan
+    ends = np.empty((*intervals.shape[:-2], 2))
+    np.fmin.reduce(intervals[..., 0], axis=-1, out=ends[..., 0])
+    np.fmax.reduce(intervals[..., 1], axis=-1, out=ends[..., 1])
     return ends
 
 
