@@ -218,13 +218,9 @@ def within(intervals: Array, s: Array, slack: float) -> Bools:
 
 def clip_intervals(intervals: Array, low: Array, high: Array, slack: float) -> Array:
     """The parts of the intervals between low and high; NaN where no more than slack is left."""
-    clipped = np.stack(
-        [
-            np.maximum(intervals[..., 0], low[..., None]),
-            np.minimum(intervals[..., 1], high[..., None]),
-        ],
-        axis=-1,
-    )
+    clipped = np.empty_like(intervals)
+    np.maximum(intervals[..., 0], low[..., None], out=clipped[..., 0])
+    np.minimum(intervals[..., 1], high[..., None], out=clipped[..., 1])
     clipped[~(clipped[..., 1] - clipped[..., 0] > slack)] = np.nan
     return clipped
 
@@ -237,12 +233,12 @@ def nearest(intervals: Array, s: Array, slack: float) -> Array:
         s: shape (...).
         slack: distances that differ by less than this are equal.
     """
-    candidates = np.clip(s[..., None], intervals[..., 0], intervals[..., 1])
+    candidates = np.minimum(np.maximum(s[..., None], intervals[..., 0]), intervals[..., 1])
     distance = np.abs(candidates - s[..., None])
-    distance = np.where(np.isnan(distance), np.inf, distance)
-    best = distance <= distance.min(axis=-1, keepdims=True) + slack
-    found: Array = np.where(best & np.isfinite(distance), candidates, -np.inf).max(axis=-1)
-    return np.where(np.isfinite(found), found, np.nan)
+    least = np.fmin.reduce(distance, axis=-1, keepdims=True)
+    best = np.where(distance <= least + slack, candidates, np.nan)
+    found: Array = np.fmax.reduce(best, axis=-1)
+    return found
 
 
 def outer_ends(intervals: Array) -> Array:
@@ -338,6 +334,7 @@ def area_and_centroid(vertices: Array) -> tuple[Array, Array]:
 
 def centroids(shapes: Shapes) -> Array:
     """Centroids of shapes, shape (..., 2); NaN for empty ones."""
-    points = shapely.centroid(shapes)
-    points = np.where(shapely.is_empty(points), None, points)  # get_x raises for empty points
-    return np.stack([shapely.get_x(points), shapely.get_y(points)], axis=-1)
+    found = np.full((*shapes.shape, 2), np.nan)
+    # Empty points have no coordinates.
+    found[~shapely.is_empty(shapes)] = shapely.get_coordinates(shapely.centroid(shapes))
+    return found

@@ -327,5 +327,7 @@ def segment_hulls(segments: Section, x_axis: Array, y_axis: Array) -> Shapes:
     ends = outer_ends(segments.intervals)
     points = segments.p_BS[:, :, None] + ends[..., None] * segments.slope_B[:, :, None]
     axes = np.stack([x_axis, y_axis], axis=2)
-    hulls: Shapes = shapely.convex_hull(shapely.linestrings(points.reshape(-1, 6, 3) @ axes))
+    hulls: Shapes = shapely.convex_hull(
+        shapely.linestrings(points.reshape(-1, 6, 3) @ axes, handle_nan="skip")
+    )
     return hulls
