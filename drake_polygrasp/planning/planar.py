@@ -87,12 +87,17 @@ def _starts(owner: Ints, num_rows: int) -> Ints:
 
 def extents(edges: Boundary, region: Ints, direction: Array) -> tuple[Array, Array]:
     """Least and greatest direction . p_BV of each row's region, each of shape (K,)."""
-    if not len(region):
-        return np.empty(0), np.empty(0)
     index, owner = gather(edges.offsets, region)
     along = dot(edges.tail[index], direction[owner])
-    starts = _starts(owner, len(region))
-    return np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)
+    return row_extremes(along, along, owner, len(region))
+
+
+def row_extremes(low: Array, high: Array, owner: Ints, num_rows: int) -> tuple[Array, Array]:
+    """Least `low` and greatest `high` of the items of each row, which are in the rows' order."""
+    if not num_rows:
+        return np.empty(0), np.empty(0)
+    starts = _starts(owner, num_rows)
+    return np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
 
 
 def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
@@ -278,19 +283,19 @@ def strips_polygon(that: Array, turn: Array, low: Array, high: Array) -> Array:
     rows = np.arange(len(that))
     last = np.argmax(np.abs(turn), axis=1)  # the other two are the least parallel pair
     first, second = (last + 1) % 3, (last + 2) % 3
-    normals = np.stack([that[rows, first], that[rows, second]], axis=1)
-    bounds = np.stack(
-        [
-            np.stack([low[rows, first], high[rows, first], high[rows, first], low[rows, first]], 1),
-            np.stack(
-                [low[rows, second], low[rows, second], high[rows, second], high[rows, second]], 1
-            ),
-        ],
-        axis=1,
-    )
-    corners = np.swapaxes(np.linalg.solve(normals, bounds), 1, 2)
-    corners = clip_polygon(corners, that[rows, last], high[rows, last])
+    bounds = np.stack([low, high], axis=-1)
+    # Where t_1 . p and t_2 . p are given: each moves p along the other's strip.
+    area = turn[rows, last, None]
+    along_1, along_2 = _quarter_turn(that[rows, first]), _quarter_turn(that[rows, second])
+    of_1 = bounds[rows, first][:, [0, 1, 1, 0], None] * (-along_2 / area)[:, None]
+    of_2 = bounds[rows, second][:, [0, 0, 1, 1], None] * (along_1 / area)[:, None]
+    corners = clip_polygon(of_1 + of_2, that[rows, last], high[rows, last])
     return clip_polygon(corners, -that[rows, last], -low[rows, last])
+
+
+def _quarter_turn(vectors: Array) -> Array:
+    """Plane vectors turned counter-clockwise, (K, 2) to (K, 2)."""
+    return vectors[:, ::-1] * np.array([-1.0, 1.0])
 
 
 def clip_polygon(vertices: Array, normal: Array, offset: Array) -> Array:
@@ -305,26 +310,32 @@ def clip_polygon(vertices: Array, normal: Array, offset: Array) -> Array:
         shape (K, V + 2, 2), padded by repeating the last vertex; NaN where nothing is left.
     """
     num_rows, num_vertices, _ = vertices.shape
+    rows, following = np.arange(num_rows)[:, None], _following(num_vertices)
     beyond = dot(vertices, normal[:, None]) - offset[:, None]
-    next_vertex, next_beyond = np.roll(vertices, -1, axis=1), np.roll(beyond, -1, axis=1)
-    crosses = (beyond <= 0) != (next_beyond <= 0)
-    span = np.where(crosses, beyond - next_beyond, 1.0)
-    crossing = vertices + (beyond / span)[..., None] * (next_vertex - vertices)
+    inside = beyond <= 0
+    crosses = inside != inside[:, following]
+    span = np.where(crosses, beyond - beyond[:, following], 1.0)
+    crossing = vertices + (beyond / span)[..., None] * (vertices[:, following] - vertices)
 
     points = np.stack([vertices, crossing], axis=2).reshape(num_rows, 2 * num_vertices, 2)
-    keep = np.stack([beyond <= 0, crosses], axis=2).reshape(num_rows, 2 * num_vertices)
-    order = np.argsort(~keep, axis=1, kind="stable")[:, : num_vertices + 2]
-    count = keep.sum(axis=1)
-    slot = np.minimum(np.arange(num_vertices + 2), np.maximum(count - 1, 0)[:, None])
-    clipped: Array = points[np.arange(num_rows)[:, None], np.take_along_axis(order, slot, axis=1)]
-    clipped[count == 0] = np.nan
+    left_out = ~np.stack([inside, crosses], axis=2).reshape(num_rows, 2 * num_vertices)
+    order = np.argsort(left_out, axis=1, kind="stable")
+    count = 2 * num_vertices - left_out.sum(axis=1, keepdims=True)
+    slot = np.minimum(np.arange(num_vertices + 2), np.maximum(count - 1, 0))
+    clipped: Array = points[rows, order[rows, slot]]
+    clipped[count[:, 0] == 0] = np.nan
     return clipped
+
+
+def _following(num_vertices: int) -> Ints:
+    """The vertex after each of a ring's."""
+    return np.arange(1, num_vertices + 1) % num_vertices
 
 
 def area_and_centroid(vertices: Array) -> tuple[Array, Array]:
     """Areas (K,) and centroids (K, 2) of convex polygons (K, V, 2) with positive area."""
     p = vertices - vertices[:, :1]
-    q = np.roll(p, -1, axis=1)
+    q = p[:, _following(p.shape[1])]
     twice = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
     area = twice.sum(axis=1) / 2
     moment = ((p + q) * twice[..., None]).sum(axis=1) / 6

@@ -167,16 +167,19 @@ class _Stages:
         rows = np.flatnonzero(opposes(nhat, alpha))
         parallel = classify(nhat[rows], alpha[rows])
 
+        found = []
         flat = np.delete(rows, parallel.rows)
-        found = [self._nonparallel(region[flat], alpha[flat], code, flat, first)]
+        if len(flat):
+            found.append(self._nonparallel(region[flat], alpha[flat], code, flat, first))
 
         steep = rows[parallel.rows]
-        roles = np.take_along_axis(region[steep], _OPPOSING_FIRST[parallel.opposing], axis=1)
-        found.append(
-            self._parallel(
-                roles, alpha[steep], parallel.nhat_bs, parallel.radius, code, steep, first
+        if len(steep):
+            roles = region[steep[:, None], _OPPOSING_FIRST[parallel.opposing]]
+            found.append(
+                self._parallel(
+                    roles, alpha[steep], parallel.nhat_bs, parallel.radius, code, steep, first
+                )
             )
-        )
         return code, found
 
     def _nonparallel(
