@@ -16,7 +16,15 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, extents, gather
+from drake_polygrasp.planning.planar import (
+    Boundary,
+    Scale,
+    Shapes,
+    centroids,
+    extents,
+    gather,
+    hulls_in_strips,
+)
 from drake_polygrasp.planning.position import Opposed, PlaneDirections, hull_of
 from drake_polygrasp.vectors import cross, dot, unit
 
@@ -70,35 +78,26 @@ def _plane(
     scale: Scale,
 ) -> Planes:
     """Positions Pi_p: F = R^s cut with hull(A_1^s, A_2^s, A_3^s) holds c_m, else c_I^s is taken."""
-    across = cross(along, N)
+    axes = np.stack([cross(along, N), N], axis=1)
     index, flat = gather(edges.offsets, region.ravel())
     row = flat // 3
-    points = np.column_stack([dot(edges.tail[index], across[row]), dot(edges.tail[index], N[row])])
-    hull = shapely.convex_hull(shapely.multipoints(points, indices=row))
-    left, _, right, _ = shapely.bounds(hull).T
-    strip = shapely.box(left - scale.diameter, low, right + scale.diameter, high)
-    common = shapely.intersection(hull, strip)
-    cm = np.column_stack([across @ scale.p_BBcm, N @ scale.p_BBcm])
-    centroid = centroids(common)
-    holds_cm = shapely.distance(common, shapely.points(cm)) <= scale.length_slack
-    height = np.where(holds_cm, cm[:, 1], centroid[:, 1])
-    return Planes(
-        owner,
-        region,
-        N,
-        along,
-        low,
-        high,
-        inset(height, low, high),
-        shapely.area(common),
-        np.linalg.norm(centroid - cm, axis=1),
-    )
+    points = (axes[row] @ edges.tail[index, :, None])[..., 0]
+    hull = shapely.convex_hull(shapely.linestrings(points, indices=row))
+    area_s, centroid = hulls_in_strips(hull, low, high)
+    cm = axes @ scale.p_BBcm
+    height, slack = cm[:, 1], scale.length_slack
+    holds_cm = (height >= low - slack) & (height <= high + slack)
+    holds_cm &= shapely.distance(hull, shapely.points(cm)) <= slack
+    height = inset(np.where(holds_cm, height, centroid[:, 1]), low, high)
+    offset = centroid - cm
+    d_1 = np.sqrt(dot(offset, offset))
+    return Planes(owner, region, N, along, low, high, height, area_s, d_1)
 
 
 def inset(height: Array, low: Array, high: Array) -> Array:
     """Keeps offsets of planes away from the ends of R^s, each of shape (M,)."""
     margin = INSET * (high - low)
-    return np.clip(height, low + margin, high - margin)
+    return np.minimum(np.maximum(height, low + margin), high - margin)
 
 
 def other_heights(planes: Planes) -> Array:

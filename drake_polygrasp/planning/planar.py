@@ -343,6 +343,35 @@ def area_and_centroid(vertices: Array) -> tuple[Array, Array]:
     return np.abs(area), centroid
 
 
+def hulls_in_strips(hulls: Shapes, low: Array, high: Array) -> tuple[Array, Array]:
+    """Areas (K,) and centroids (K, 2) of what strips low <= y <= high leave of convex hulls.
+
+    Along the strip's bounds y does not change, and they add nothing to integrals over y around the
+    rest: it suffices to shorten the hull's own edges.
+    """
+    points, owner = shapely.get_coordinates(hulls, return_index=True)
+    starts = _starts(owner, len(hulls))
+    origin = points[starts]
+    x, y = (points - origin[owner]).T
+    inside = np.minimum(np.maximum(y, (low - origin[:, 1])[owner]), (high - origin[:, 1])[owner])
+    head = np.arange(1, len(owner) + 1)
+    head[np.searchsorted(owner, np.arange(len(hulls)), side="right") - 1] = starts
+    rise = y[head] - y
+    slope = (x[head] - x) / np.where(rise == 0, 1.0, rise)
+    y_0, y_1 = inside, inside[head]
+    x_0, x_1 = x + slope * (y_0 - y), x[head] + slope * (y_1 - y[head])
+    moments = (y_1 - y_0) * np.stack(
+        [
+            3 * (x_0 + x_1),
+            x_0 * x_0 + x_0 * x_1 + x_1 * x_1,
+            x_0 * (2 * y_0 + y_1) + x_1 * (y_0 + 2 * y_1),
+        ]
+    )
+    area, *moment = np.add.reduceat(moments, starts, axis=1) / 6
+    centroid = origin + np.stack(moment, axis=1) / np.where(area == 0, 1.0, area)[:, None]
+    return np.abs(area), centroid
+
+
 def centroids(shapes: Shapes) -> Array:
     """Centroids of shapes, shape (..., 2); NaN for empty ones."""
     found = np.full((*shapes.shape, 2), np.nan)

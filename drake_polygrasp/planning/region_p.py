@@ -21,7 +21,7 @@ from drake_polygrasp.planning.planar import (
     Scale,
     Section,
     Shapes,
-    centroids,
+    hulls_in_strips,
     outer_ends,
     section,
     strips_meet,
@@ -307,16 +307,14 @@ def _with_region_p(
     ends = outer_ends(segments.intervals)
     rows = np.flatnonzero(~np.isnan(ends[..., 0]).any(axis=1))
     left, right = ends[rows, 0].T
-    hull = segment_hulls(segments.take(rows), _across(planes)[rows], planes.along_B[rows])
-    _, bottom, _, top = shapely.bounds(hull).T
-    P = shapely.intersection(hull, shapely.box(left, bottom - scale.rho, right, top + scale.rho))
-    area = shapely.area(P)
+    hull = segment_hulls(segments.take(rows), planes.along_B[rows], _across(planes)[rows])
+    area, centre = hulls_in_strips(hull, left, right)
     good = area > scale.area_slack
-    rows, area, centre = rows[good], area[good], centroids(P[good])
+    rows, area, centre = rows[good], area[good], centre[good]
     planes, height = planes.take(rows), height[rows]
     p_Bc = (
-        centre[:, :1] * _across(planes)
-        + centre[:, 1:] * planes.along_B
+        centre[:, :1] * planes.along_B
+        + centre[:, 1:] * _across(planes)
         + height[:, None] * planes.nhat_B
     )
     return _cut(planes, region[rows], height, segments.take(rows), area, p_Bc, scale), rows
