@@ -227,12 +227,10 @@ def _lengths_of_lines(
         shape (M, J) [m].
     """
     lines = line_through(through[:, None], direction, scale)
-    meets = np.linalg.norm(direction, axis=-1) > 0
-    for face in (sets.faces[:, 1], sets.faces[:, 2]):
-        common = shapely.length(shapely.intersection(face[:, None], lines))
-        meets &= common > scale.length_slack
-    length = shapely.length(shapely.intersection(hull[:, None], lines))
-    return np.where(meets, length, -np.inf)
+    crossed = np.column_stack([hull, sets.faces[:, 1:]])[:, None]
+    length = shapely.length(shapely.intersection(crossed, lines[..., None]))
+    meets = (length[..., 1:] > scale.length_slack).all(axis=-1) & direction.any(axis=-1)
+    return np.where(meets, length[..., 0], -np.inf)
 
 
 def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:
@@ -245,25 +243,26 @@ def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:
     first, second, third = sets.faces.T
     hull = hull_of(sets.faces[:, 1:])
     auxiliary = shapely.intersection(first, hull)  # A_aux2
-    centre, c_2, c_3 = (centroids(shape) for shape in (auxiliary, second, third))
+    centre, c_2, c_3 = centroids(np.stack([auxiliary, second, third]))
     candidates = np.stack([c_3 - c_2, c_2 - centre, c_3 - centre], axis=1)
-    long = np.linalg.norm(candidates, axis=-1) > SHORT * scale.diameter
+    long = dot(candidates, candidates) > (SHORT * scale.diameter) ** 2
     candidates *= long[..., None]
     length = _lengths_of_lines(sets, hull, centre, candidates, scale)
     rows, column = ties(length, TIE * scale.diameter)
     owners, directions = [rows], [candidates[rows, column]]
 
-    rest = np.setdiff1d(np.arange(len(hull)), rows)
-    rows, edge = _mixed_hull_edges(sets.take(rest), hull[rest], centre[rest], scale)
-    owners.append(rest[rows])
-    directions.append(edge)
-
-    rest = np.setdiff1d(rest, rest[rows])
-    fan = fan_directions(hull_of(auxiliary[rest, None]))
-    length = _lengths_of_lines(sets.take(rest), hull[rest], centre[rest], fan, scale)
-    rows, column = ties(length, TIE * scale.diameter)
-    owners.append(rest[rows])
-    directions.append(fan[rows, column])
+    rest = np.delete(np.arange(len(hull)), rows)
+    if len(rest):
+        rows, edge = _mixed_hull_edges(sets.take(rest), hull[rest], centre[rest], scale)
+        owners.append(rest[rows])
+        directions.append(edge)
+        rest = np.delete(rest, rows)
+    if len(rest):
+        fan = fan_directions(hull_of(auxiliary[rest, None]))
+        length = _lengths_of_lines(sets.take(rest), hull[rest], centre[rest], fan, scale)
+        rows, column = ties(length, TIE * scale.diameter)
+        owners.append(rest[rows])
+        directions.append(fan[rows, column])
     return np.concatenate(owners), np.concatenate(directions)
 
 

@@ -295,7 +295,8 @@ def strips_polygon(that: Array, turn: Array, low: Array, high: Array) -> Array:
 
 def _quarter_turn(vectors: Array) -> Array:
     """Plane vectors turned counter-clockwise, (K, 2) to (K, 2)."""
-    return vectors[:, ::-1] * np.array([-1.0, 1.0])
+    turned: Array = vectors[:, ::-1] * np.array([-1.0, 1.0])
+    return turned
 
 
 def clip_polygon(vertices: Array, normal: Array, offset: Array) -> Array:
@@ -374,7 +375,7 @@ def hulls_in_strips(hulls: Shapes, low: Array, high: Array) -> tuple[Array, Arra
 
 def centroids(shapes: Shapes) -> Array:
     """Centroids of shapes, shape (..., 2); NaN for empty ones."""
-    found = np.full((*shapes.shape, 2), np.nan)
+    found = np.full((*np.shape(shapes), 2), np.nan)
     # Empty points have no coordinates.
     found[~shapely.is_empty(shapes)] = shapely.get_coordinates(shapely.centroid(shapes))
     return found

@@ -214,9 +214,7 @@ def cut_parallel(regions: Regions, edges: Boundary, planes: Planes, scale: Scale
 
     def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
         region = planes.region[rows]
-        segments = _segments(
-            regions, edges, region, planes.nhat_B[rows], height, axis[rows], scale
-        )
+        segments = _segments(regions, edges, region, planes.nhat_B[rows], height, axis[rows], scale)
         cut, good = _with_region_p(planes.take(rows), region, height, segments, scale)
         return cut, rows[good]
 
