@@ -57,11 +57,10 @@ def nonparallel_contacts(cut: Cut, on: PlaneDirections, scale: Scale) -> Array:
     low, high = _reach_in_strips(cut, on, L_p)
     P_I = cut.p_Bc + np.clip(middle, low, high)[:, None] * L_p
 
-    contacts, on_faces = _concurrent(cut, on, P_I, scale)
-    central, central_on_faces = _concurrent(cut, on, cut.p_Bc, scale)
-    take_first = on_faces & _triangle_holds(contacts, P_I, cut.nhat_B, scale)
-    contacts = np.where(take_first[:, None, None], contacts, central)
-    contacts[~take_first & ~central_on_faces] = np.nan
+    points, on_faces = _concurrent(cut, on, np.stack([P_I, cut.p_Bc], axis=1), scale)
+    take_first = on_faces[:, 0] & _triangle_holds(points[:, 0], P_I, cut.nhat_B, scale)
+    contacts = np.where(take_first[:, None, None], points[:, 0], points[:, 1])
+    contacts[~take_first & ~on_faces[:, 1]] = np.nan
     return contacts
 
 
@@ -78,19 +77,21 @@ def _reach_in_strips(cut: Cut, on: PlaneDirections, L_p: Array) -> tuple[Array, 
 
 
 def _concurrent(cut: Cut, on: PlaneDirections, P_I: Array, scale: Scale) -> tuple[Array, Bools]:
-    """Where the lines through P_I along n'_i meet the lines of a_i, and whether all hit a_i."""
-    s = dot(on.that, P_I[:, None])
-    points = cut.segments.p_BS + s[..., None] * cut.segments.slope_B
-    hit = within(cut.segments.intervals, s, scale.length_slack)
-    hits: Bools = np.logical_and.reduce(hit, axis=1)
-    return points, hits
+    """Where lines through points P_I along n'_i meet the lines of a_i, and whether all hit a_i.
+
+    Of J points in each row, shape (M, J, 3): shapes (M, J, 3, 3) and (M, J).
+    """
+    s = dot(on.that[:, None], P_I[:, :, None])
+    points = cut.segments.p_BS[:, None] + s[..., None] * cut.segments.slope_B[:, None]
+    hit = within(cut.segments.intervals[:, None], s, scale.length_slack)
+    return points, hit.all(axis=2)
 
 
 def _triangle_holds(corners: Array, point: Array, N: Array, scale: Scale) -> Bools:
     """Whether points lie in closed triangles of the planes with normal N."""
-    side = np.roll(corners, -1, axis=1) - corners
+    side = corners[:, [1, 2, 0]] - corners
     left = dot(N[:, None], cross(side, point[:, None] - corners))
-    slack = scale.length_slack * np.linalg.norm(side, axis=-1)
+    slack = scale.length_slack * np.sqrt(dot(side, side))
     holds: Bools = (left >= -slack).all(axis=1) | (left <= slack).all(axis=1)
     return holds
 

@@ -39,7 +39,8 @@ def triples(num_regions: int) -> Iterator[Ints]:
 
 def pairs(num_regions: int) -> Ints:
     """All i < j, shape (M, 2)."""
-    return np.column_stack(np.triu_indices(num_regions, 1))
+    region = np.arange(num_regions)
+    return np.argwhere(region[:, None] < region)
 
 
 def friction_angle(mu: Array) -> Array:
@@ -120,7 +121,8 @@ def pair_opposes(nhat: Array, alpha: Array) -> Bools:
 
 def sine_of_pair(nhat: Array) -> Array:
     """sin(phi) of two faces, half the length of n_1 + n_2: shape (M, 2, 3) to (M,)."""
-    sine: Array = np.linalg.norm(nhat.sum(axis=1), axis=-1) / 2
+    total = nhat[:, 0] + nhat[:, 1]
+    sine: Array = np.sqrt(dot(total, total)) / 2
     return sine
 
 
@@ -160,11 +162,14 @@ def classify(nhat: Array, alpha: Array) -> Parallel:
     apart = np.maximum(close[:, [1, 2, 0]], close[:, [2, 0, 1]])
     may = (is_closest & (apart < -np.cos(2 * alpha)[:, None] + 1e-6)).any(axis=1)
     rows = np.flatnonzero(may | (alpha > np.pi / 2 - 1e-6))
+    if not len(rows):
+        return Parallel(rows, rows, np.empty((0, 3)), np.empty(0))
 
     flipped = nhat[rows, None] * (1 - 2 * np.eye(3))[None, :, :, None]
     axis = unit(least_ball_centre(flipped))
-    sine = np.linalg.norm(cross(axis[:, :, None], flipped), axis=-1)
-    radius = np.arctan2(sine, dot(axis[:, :, None], flipped)).max(axis=-1)
+    sine = cross(axis[:, :, None], flipped)
+    cosine = dot(axis[:, :, None], flipped)
+    radius = np.arctan2(np.sqrt(dot(sine, sine)), cosine).max(axis=-1)
     radius = np.where(is_closest[rows], radius, np.inf)
     opposing = np.argmax(radius <= radius.min(axis=1, keepdims=True) + ANGLE_TOLERANCE, axis=1)
     every = np.arange(len(rows))

@@ -108,7 +108,8 @@ def plan_sets(
     first = 0
     for batch in _batches(len(regions.face), chosen):
         code, some = (stages.triples if batch.shape[1] == 3 else stages.pairs)(batch, first)
-        sets.append(np.pad(batch, ((0, 0), (0, 3 - batch.shape[1])), constant_values=-1))
+        sets.append(np.full((len(batch), 3), -1))
+        sets[-1][:, : batch.shape[1]] = batch
         codes.append(code)
         found.extend(some)
         first += len(batch)

@@ -130,8 +130,8 @@ def _cut(
     p_Bc: Array,
     scale: Scale,
 ) -> Cut:
-    offset = dot(planes.nhat_B, scale.p_BBcm) - height
-    p_Bcm_on_plane = scale.p_BBcm - offset[:, None] * planes.nhat_B
+    depth = planes.nhat_B @ scale.p_BBcm - height
+    from_cm = p_Bc - scale.p_BBcm + depth[:, None] * planes.nhat_B
     return Cut(
         planes.owner,
         region,
@@ -143,7 +143,7 @@ def _cut(
         planes.d_1,
         area_p,
         p_Bc,
-        np.linalg.norm(p_Bc - p_Bcm_on_plane, axis=1),
+        np.sqrt(dot(from_cm, from_cm)),
     )
 
 
