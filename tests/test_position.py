@@ -11,15 +11,7 @@ from shapely.affinity import affine_transform
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.polyhedron import Face, Regions
 from drake_polygrasp.planning.orientation import sine_of_tips_plane
-from drake_polygrasp.planning.planar import (
-    area_and_centroid,
-    boundary,
-    clip_polygon,
-    extents,
-    project,
-    strips_meet,
-    strips_polygon,
-)
+from drake_polygrasp.planning.planar import boundary, extents, project
 from drake_polygrasp.planning.position import (
     Opposed,
     opposed,
@@ -28,6 +20,12 @@ from drake_polygrasp.planning.position import (
     region_rl,
     strip_rs,
     two_faces_meet,
+)
+from drake_polygrasp.planning.strips import (
+    area_and_centroid,
+    clip_polygon,
+    strips_meet,
+    strips_polygon,
 )
 from tests.solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 

@@ -84,7 +84,8 @@ def _concurrent(cut: Cut, on: PlaneDirections, P_I: Array, scale: Scale) -> tupl
     s = dot(on.that[:, None], P_I[:, :, None])
     points = cut.segments.p_BS[:, None] + s[..., None] * cut.segments.slope_B[:, None]
     hit = within(cut.segments.intervals[:, None], s, scale.length_slack)
-    return points, hit.all(axis=2)
+    hits: Bools = np.logical_and.reduce(hit, axis=2)
+    return points, hits
 
 
 def _triangle_holds(corners: Array, point: Array, N: Array, scale: Scale) -> Bools:
@@ -92,7 +93,8 @@ def _triangle_holds(corners: Array, point: Array, N: Array, scale: Scale) -> Boo
     side = corners[:, [1, 2, 0]] - corners
     left = dot(N[:, None], cross(side, point[:, None] - corners))
     slack = scale.length_slack * np.sqrt(dot(side, side))
-    holds: Bools = (left >= -slack).all(axis=1) | (left <= slack).all(axis=1)
+    holds: Bools = np.logical_and.reduce(left >= -slack, axis=1)
+    holds |= np.logical_and.reduce(left <= slack, axis=1)
     return holds
 
 

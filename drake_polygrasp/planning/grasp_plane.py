@@ -16,16 +16,9 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.planar import (
-    Boundary,
-    Scale,
-    Shapes,
-    centroids,
-    extents,
-    gather,
-    hulls_in_strips,
-)
+from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, extents, gather
 from drake_polygrasp.planning.position import Opposed, PlaneDirections, hull_of
+from drake_polygrasp.planning.strips import hulls_in_strips
 from drake_polygrasp.vectors import cross, dot, unit
 
 INSET = 0.02

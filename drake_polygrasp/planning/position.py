@@ -18,15 +18,13 @@ from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.planar import (
     Boundary,
     Shapes,
-    area_and_centroid,
     extents,
     gather,
     orthonormal_pair,
     project,
     row_extremes,
-    strips_meet,
-    strips_polygon,
 )
+from drake_polygrasp.planning.strips import area_and_centroid, strips_meet, strips_polygon
 from drake_polygrasp.vectors import cross, dot, unit
 
 

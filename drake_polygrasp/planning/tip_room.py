@@ -123,5 +123,5 @@ def _hulls(points: Array, used: Bools) -> Shapes:
     owner, _ = np.nonzero(used)
     flat = points[used].reshape(-1, 2)
     _, owner = np.unique(np.repeat(owner, 2), return_inverse=True)
-    hulls: Shapes = shapely.convex_hull(shapely.multipoints(flat, indices=owner))
+    hulls: Shapes = shapely.convex_hull(shapely.linestrings(flat, indices=owner))
     return hulls
