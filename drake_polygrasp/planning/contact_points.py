@@ -105,7 +105,7 @@ def opposed_contacts(cut: Cut, scale: Scale, spread: Array) -> Array:
         cut: M planes of parallel sets and pairs; 7.3 is for those whose a_2 is a_3.
         scale: the object's size.
         spread: place of P_2 on its half of the segments, 0 at L_p and 1 at the far end; 7.2 and
-            7.3 take 0.5; shape (M,).
+            7.3 take `HALF`; shape (M,).
 
     Returns:
         p_BC [m], shape (M, 3, 3), ordered A_1, A_2, A_3 (pairs: the farther of P_2 and P_3 first);

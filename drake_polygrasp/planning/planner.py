@@ -131,6 +131,7 @@ def _batches(num_regions: int, chosen: Ints | None) -> Iterator[Ints]:
 
 
 def _candidates(found: list[_Found], rho: float, method: Method) -> Candidates:
+    """All that was found; one part at least, that of the pairs, perhaps without rows."""
     columns = {
         column.name: np.concatenate([getattr(part, column.name) for part in found])
         for column in fields(_Found)

@@ -145,15 +145,15 @@ def _at_first_height(planes: Planes, attempt: Callable[[Ints, Array], tuple[Cut,
     `attempt` takes rows of the planes and offsets for them [m], and says which of the planes its
     cuts are of.
     """
-    pending = np.arange(len(planes.owner))
-    cut, done = attempt(pending, planes.height)
+    pending = np.ones(len(planes.owner), dtype=bool)
+    cut, done = attempt(np.flatnonzero(pending), planes.height)
     found = [cut]
-    pending = np.delete(pending, done)
-    if len(pending):
+    pending[done] = False
+    if pending.any():
         for height in other_heights(planes).T:
-            cut, done = attempt(pending, height[pending])
+            cut, done = attempt(np.flatnonzero(pending), height[pending])
             found.append(cut)
-            pending = np.setdiff1d(pending, done)
+            pending[done] = False
     return joined(found)
 
 

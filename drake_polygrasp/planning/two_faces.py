@@ -49,6 +49,7 @@ def choices(sets: Opposed, scale: Scale) -> Choices:
     """R_maxT and l_u; a pair whose three regions are all empty has no row."""
     faces = sets.faces[:, :2]
     hulls, overlap = shapely.convex_hull(faces), shapely.intersection(*faces.T)
+    # A convex face has no R_i.
     dented = shapely.area(hulls) - shapely.area(faces) > scale.area_slack
     outside = np.full_like(faces, None)
     outside[dented] = shapely.difference(hulls[dented], faces[dented])
