@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, frozen
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions, is_convex
 from drake_polygrasp.geometry.seating import least_tip
@@ -62,13 +62,18 @@ def _beside(regions: Regions, triangles_B: Array, lowest: Array, tip_radius: flo
     middle_F, half_F = boxes_F.mean(axis=1), np.abs(boxes_F[:, 1] - boxes_F[:, 0]) / 2
     middle_B = regions.p_BF + (regions.R_BF @ middle_F[..., None])[..., 0]
     half_B = (np.abs(regions.R_BF) @ half_F[..., None])[..., 0]
+    rising = []
     for k, box_F in enumerate(boxes_F):
         near = (least_B <= middle_B[k] + half_B[k]) & (most_B >= middle_B[k] - half_B[k])
         triangles_F = (triangles_B[near.all(axis=1)] - regions.p_BF[k]) @ regions.R_BF[k]
         inside = (triangles_F.max(axis=1) > box_F[0]) & (triangles_F.min(axis=1) < box_F[1])
-        rising = triangles_F[inside.all(axis=1)]
-        if len(rising):
-            polygons[k] -= _blocked(rising, lowest[k], tip_radius)
+        rising.append(triangles_F[inside.all(axis=1)])
+    owner = np.repeat(np.arange(len(rising)), [len(triangles_F) for triangles_F in rising])
+    if len(owner):
+        blocked, triangle = _blocked(np.concatenate(rising), lowest[owner], tip_radius)
+        owner = owner[triangle]
+        for k in np.unique(owner):
+            polygons[k] -= shapely.union_all(blocked[owner == k])
     return _with_polygons(regions, polygons)
 
 
@@ -99,29 +104,32 @@ def _room(polygons: Shapes, lowest: Array, tip_radius: float) -> Array:
     return boxes
 
 
-def _blocked(triangles_F: Array, low: float, tip_radius: float) -> shapely.Geometry:
-    """What lies within `tip_radius` of the triangles' parts at the height of a tip, in the face."""
+def _blocked(triangles_F: Array, lowest: Array, tip_radius: float) -> tuple[Shapes, Ints]:
+    """What lies within `tip_radius` of the triangles' parts at the height of a tip, in the face.
+
+    Args:
+        triangles_F: shape (N, 3, 3) [m].
+        lowest: what is lower belongs to the face [m], shape (N,).
+        tip_radius: [m].
+
+    Returns:
+        Polygons, and which triangle each is of; none of triangles without such a part.
+    """
+    low, high = lowest[:, None], 2 * tip_radius
     tail, head = triangles_F, triangles_F[:, [1, 2, 0]]
     rise = head[..., 2] - tail[..., 2]
     rise = np.where(rise == 0, np.finfo(float).tiny, rise)
     with np.errstate(over="ignore"):  # Infinite ends are cut off below.
-        ends = (np.array([low, 2 * tip_radius]) - tail[..., 2:]) / rise[..., None]
-    start, end = np.clip(np.sort(ends, axis=-1), 0.0, 1.0).transpose(2, 0, 1)
-    height = tail[..., 2] + np.stack([start, end]) * rise
+        ends = np.stack([low - tail[..., 2], high - tail[..., 2]]) / rise
+    ends = np.clip(np.sort(ends, axis=0), 0.0, 1.0)
+    height = tail[..., 2] + ends * rise
     slack = 1e-9 * tip_radius
-    within = (height >= low - slack) & (height <= 2 * tip_radius + slack)
+    within = (height >= low - slack) & (height <= high + slack)
     inside = np.logical_and.reduce(within, axis=0)
-    span = (head - tail)[..., :2]
-    points = tail[..., :2] + np.stack([start, end])[..., None] * span
-    parts = _hulls(np.moveaxis(points, 0, 2), inside)
+    points = tail[..., :2] + ends[..., None] * (head - tail)[..., :2]
+    # Hulls of the ends of each triangle's edges that are at such a height.
+    triangle, part = np.unique(np.nonzero(inside)[0], return_inverse=True)
+    flat = np.moveaxis(points, 0, 2)[inside].reshape(-1, 2)
+    parts = shapely.convex_hull(shapely.linestrings(flat, indices=np.repeat(part, 2)))
     around = tip_radius / np.cos(np.pi / (4 * _QUARTER))
-    return shapely.union_all(shapely.buffer(parts, around, quad_segs=_QUARTER))
-
-
-def _hulls(points: Array, used: Bools) -> Shapes:
-    """Hulls of the used edges' ends of each triangle: points (N, 3, 2, 2), used (N, 3)."""
-    owner, _ = np.nonzero(used)
-    flat = points[used].reshape(-1, 2)
-    _, owner = np.unique(np.repeat(owner, 2), return_inverse=True)
-    hulls: Shapes = shapely.convex_hull(shapely.linestrings(flat, indices=owner))
-    return hulls
+    return shapely.buffer(parts, around, quad_segs=_QUARTER), triangle
