@@ -149,7 +149,7 @@ def make_task(
         method,
         regions.face,
         np.flatnonzero(kept),
-        regions.take(kept),
+        regions if kept.all() else regions.take(kept),
         tip,
         excluded,
         obstacles,

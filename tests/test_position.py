@@ -11,15 +11,7 @@ from shapely.affinity import affine_transform
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.polyhedron import Face, Regions
 from drake_polygrasp.planning.orientation import sine_of_tips_plane
-from drake_polygrasp.planning.planar import (
-    area_and_centroid,
-    boundary,
-    clip_polygon,
-    extents,
-    project,
-    strips_meet,
-    strips_polygon,
-)
+from drake_polygrasp.planning.planar import boundary, extents, project
 from drake_polygrasp.planning.position import (
     Opposed,
     opposed,
@@ -28,6 +20,13 @@ from drake_polygrasp.planning.position import (
     region_rl,
     strip_rs,
     two_faces_meet,
+)
+from drake_polygrasp.planning.strips import (
+    area_and_centroid,
+    clip_polygon,
+    hulls_in_strips,
+    strips_meet,
+    strips_polygon,
 )
 from tests.solids import UNIT, X, Y, Z, bottom, face, regions_of, star, top
 
@@ -112,6 +111,29 @@ def test_clipping_keeps_the_half_plane() -> None:
     area, centroid = area_and_centroid(clipped[:3])
     np.testing.assert_allclose(area, [1.0, 3.5, 4.0])
     np.testing.assert_allclose(centroid[[0, 2]], [[0.25, 1], [1, 1]])
+
+
+def test_a_strip_leaves_of_a_hull_what_an_overlay_leaves() -> None:
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(500, 7, 2)) + 5 * rng.normal(size=(500, 1, 2))
+    hulls = shapely.convex_hull(shapely.multipoints(shapely.points(points)))
+    low, high = np.sort(points[..., 1].mean(axis=1) + rng.normal(size=(2, 500)), axis=0)
+    area, centroid = hulls_in_strips(hulls, low, high)
+    left = shapely.intersection(hulls, shapely.box(-FAR, low, FAR, high))
+    np.testing.assert_allclose(area, shapely.area(left), rtol=1e-9, atol=1e-12)
+    some = area > 1e-3
+    assert 0.5 < some.mean() < 1
+    centre = shapely.get_coordinates(shapely.centroid(left[some]))
+    np.testing.assert_allclose(centroid[some], centre, rtol=1e-9, atol=1e-9)
+
+
+def test_a_strip_may_end_on_a_hull_s_edges_and_a_segment_has_no_area() -> None:
+    hulls = np.array([shapely.box(1, 2, 3, 4)] * 3 + [shapely.LineString([(0, 2), (1, 4)])])
+    low, high = np.array([2.0, 1.0, 4.0, 0.0]), np.array([4.0, 3.0, 5.0, 9.0])
+    area, centroid = hulls_in_strips(hulls, low, high)
+    np.testing.assert_array_equal(area, [4, 2, 0, 0])
+    np.testing.assert_allclose(centroid[:2], [[2, 3], [2, 2.5]])
+    assert hulls_in_strips(hulls[:0], low[:0], high[:0])[0].shape == (0,)
 
 
 def random_faces(

@@ -57,12 +57,15 @@ def inradius(polygons: npt.NDArray[np.object_]) -> Array:
     return inradii
 
 
-def rough_inradius(polygons: npt.NDArray[np.object_]) -> Array:
-    """The inradius of each polygon to a few percent, never more, shape (n,).
+def rough_inradius(
+    polygons: npt.NDArray[np.object_], tolerance: float | Array | None = None
+) -> Array:
+    """The inradius of each polygon to `tolerance` (default: a few percent), never more, shape (n,).
 
     Enough for outlines that are themselves approximate, and quick when they have many corners.
     """
-    tolerance = _ROUGH * shapely.area(polygons) / np.maximum(shapely.length(polygons), 1e-300)
+    if tolerance is None:
+        tolerance = _ROUGH * shapely.area(polygons) / np.maximum(shapely.length(polygons), 1e-300)
     found = shapely.maximum_inscribed_circle(polygons, tolerance=tolerance)
     return np.asarray(shapely.length(found))
 

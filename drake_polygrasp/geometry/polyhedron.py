@@ -224,14 +224,12 @@ def erode(
     """
     L = polyhedron.diameter
     polygons = np.array([face.polygon_F for face in polyhedron.faces], dtype=object)
-    is_patch = np.array([face.reach > 0 and face.primitive is None for face in polyhedron.faces])
-    radius = np.empty(len(polygons))
-    radius[~is_patch] = inradius(polygons[~is_patch])
-    radius[is_patch] = rough_inradius(polygons[is_patch])
+    narrowest = MIN_INRADIUS * L if min_inradius is None else min_inradius
+    wide = max(narrowest, edge_clearance or 0.0, DEFAULT_CLEARANCE / CLEARANCE_OF_INRADIUS * L)
+    radius = _radii(polyhedron, polygons, wide)
     clearance = np.minimum(DEFAULT_CLEARANCE * L, CLEARANCE_OF_INRADIUS * radius)
     if edge_clearance is not None:
         clearance = np.full(len(radius), edge_clearance)
-    narrowest = MIN_INRADIUS * L if min_inradius is None else min_inradius
     kept = np.flatnonzero((radius >= narrowest) & (radius > clearance))
     eroded = shapely.buffer(polygons[kept], -clearance[kept], join_style="mitre")
     parts, owner = shapely.get_parts(
@@ -239,6 +237,17 @@ def erode(
     )
     solid = shapely.area(parts) > (LENGTH_TOLERANCE * L) ** 2
     return _regions(polyhedron, parts[solid], kept[owner[solid]])
+
+
+def _radii(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], wide: float) -> Array:
+    """Inradii of the faces [m], rough ones of patches; what is above `wide` is a lower bound."""
+    is_patch = np.array([face.reach > 0 and face.primitive is None for face in polyhedron.faces])
+    radius = np.empty(len(polygons))
+    radius[is_patch] = rough_inradius(polygons[is_patch])
+    radius[~is_patch] = rough_inradius(polygons[~is_patch], wide / 10)
+    narrow = ~is_patch & (radius <= wide)
+    radius[narrow] = inradius(polygons[narrow])
+    return radius
 
 
 def _regions(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], face: Ints) -> Regions:

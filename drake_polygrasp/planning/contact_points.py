@@ -57,11 +57,10 @@ def nonparallel_contacts(cut: Cut, on: PlaneDirections, scale: Scale) -> Array:
     low, high = _reach_in_strips(cut, on, L_p)
     P_I = cut.p_Bc + np.clip(middle, low, high)[:, None] * L_p
 
-    contacts, on_faces = _concurrent(cut, on, P_I, scale)
-    central, central_on_faces = _concurrent(cut, on, cut.p_Bc, scale)
-    take_first = on_faces & _triangle_holds(contacts, P_I, cut.nhat_B, scale)
-    contacts = np.where(take_first[:, None, None], contacts, central)
-    contacts[~take_first & ~central_on_faces] = np.nan
+    points, on_faces = _concurrent(cut, on, np.stack([P_I, cut.p_Bc], axis=1), scale)
+    take_first = on_faces[:, 0] & _triangle_holds(points[:, 0], P_I, cut.nhat_B, scale)
+    contacts = np.where(take_first[:, None, None], points[:, 0], points[:, 1])
+    contacts[~take_first & ~on_faces[:, 1]] = np.nan
     return contacts
 
 
@@ -78,87 +77,88 @@ def _reach_in_strips(cut: Cut, on: PlaneDirections, L_p: Array) -> tuple[Array, 
 
 
 def _concurrent(cut: Cut, on: PlaneDirections, P_I: Array, scale: Scale) -> tuple[Array, Bools]:
-    """Where the lines through P_I along n'_i meet the lines of a_i, and whether all hit a_i."""
-    s = dot(on.that, P_I[:, None])
-    points = cut.segments.p_BS + s[..., None] * cut.segments.slope_B
-    hit = within(cut.segments.intervals, s, scale.length_slack)
-    hits: Bools = np.logical_and.reduce(hit, axis=1)
+    """Where lines through points P_I along n'_i meet the lines of a_i, and whether all hit a_i.
+
+    Of J points in each row, shape (M, J, 3): shapes (M, J, 3, 3) and (M, J).
+    """
+    s = dot(on.that[:, None], P_I[:, :, None])
+    points = cut.segments.p_BS[:, None] + s[..., None] * cut.segments.slope_B[:, None]
+    hit = within(cut.segments.intervals[:, None], s, scale.length_slack)
+    hits: Bools = np.logical_and.reduce(hit, axis=2)
     return points, hits
 
 
 def _triangle_holds(corners: Array, point: Array, N: Array, scale: Scale) -> Bools:
     """Whether points lie in closed triangles of the planes with normal N."""
-    side = np.roll(corners, -1, axis=1) - corners
+    side = corners[:, [1, 2, 0]] - corners
     left = dot(N[:, None], cross(side, point[:, None] - corners))
-    slack = scale.length_slack * np.linalg.norm(side, axis=-1)
-    holds: Bools = (left >= -slack).all(axis=1) | (left <= slack).all(axis=1)
+    slack = scale.length_slack * np.sqrt(dot(side, side))
+    holds: Bools = np.logical_and.reduce(left >= -slack, axis=1)
+    holds |= np.logical_and.reduce(left <= slack, axis=1)
     return holds
 
 
-def opposed_contacts(cut: Cut, scale: Scale, spread: float = HALF) -> Array:
+def opposed_contacts(cut: Cut, scale: Scale, spread: Array) -> Array:
     """7.2 and 7.3: P_1 opposite the middle, P_2 and P_3 on either side of it.
 
     Args:
         cut: M planes of parallel sets and pairs; 7.3 is for those whose a_2 is a_3.
         scale: the object's size.
         spread: place of P_2 on its half of the segments, 0 at L_p and 1 at the far end; 7.2 and
-            7.3 take 0.5.
+            7.3 take `HALF`; shape (M,).
 
     Returns:
         p_BC [m], shape (M, 3, 3), ordered A_1, A_2, A_3 (pairs: the farther of P_2 and P_3 first);
         NaN where no pairing leaves P_1 strictly between.
     """
+    slack, rows = scale.length_slack, np.arange(len(cut.owner))
     across = cross(cut.along_B, cut.nhat_B)
     c_a = centroids(segment_hulls(cut.segments, across, cut.along_B))[:, 0]
-    a_1, a_2, a_3 = np.moveaxis(cut.segments.intervals, 1, 0)
+    a_1, a_2, a_3 = cut.segments.intervals.swapaxes(0, 1)
     one_region = cut.region[:, 1] == cut.region[:, 2]
-    same = (a_2 == a_3) | np.isnan(a_2)
-    one_face = one_region & np.logical_and.reduce(same, axis=(1, 2))
-    ends = outer_ends(a_2)
-    margin = CLEARANCE * (ends[:, 1] - ends[:, 0])
-    bounded = clip_intervals(a_1, ends[:, 0] + margin, ends[:, 1] - margin, scale.length_slack)
-    a_1 = np.where(one_face[:, None, None], bounded, a_1)
-    x_1 = nearest(a_1, c_a, scale.length_slack)
+    one_face = one_region & ((a_2 == a_3) | np.isnan(a_2)).all(axis=(1, 2))
+    low, high = outer_ends(a_2).T
+    margin = CLEARANCE * (high - low)
+    bounded = clip_intervals(a_1, low + margin, high - margin, slack)
+    x_1 = nearest(np.where(one_face[:, None, None], bounded, a_1), c_a, slack)
 
-    sides = [_either_side(x_1, a_2, a_3, spread, scale), _either_side(x_1, a_3, a_2, spread, scale)]
-    x = np.stack([sides[0], sides[1][:, ::-1]], axis=1)  # (M, pairing, face 2 or 3)
-    x = np.concatenate([np.repeat(x_1[:, None, None], 2, axis=1), x], axis=2)
+    d = _either_side(cut.segments.intervals[:, 1:] - x_1[:, None, None, None], spread, slack)
+    d[one_face, 1] = np.nan  # the same pairing again
+    x = x_1[:, None, None] + d
     p_BC = cut.segments.p_BS[:, None] + x[..., None] * cut.segments.slope_B[:, None]
-    p_BC[one_face, 1] = np.nan  # the same pairing again
-    first, second = p_BC[:, :, 1] - p_BC[:, :, 0], p_BC[:, :, 2] - p_BC[:, :, 0]
-    area = np.linalg.norm(cross(first, second), axis=-1)
-    area = np.where(np.isnan(area), -1.0, area)
-    best = np.argmax(area >= area.max(axis=1, keepdims=True) * (1 - EQUAL_AREA), axis=1)
-    contacts: Array = p_BC[np.arange(len(best)), best]
+    normal = cross(p_BC[:, :, 1] - p_BC[:, :, 0], p_BC[:, :, 2] - p_BC[:, :, 0])
+    area = np.sqrt(dot(normal, normal))
+    largest = np.fmax.reduce(area, axis=1, keepdims=True)
+    best = np.argmax(area >= largest * (1 - EQUAL_AREA), axis=1)
+    contacts: Array = p_BC[rows, best]
 
-    reach = np.abs(x[np.arange(len(best)), best] - x_1[:, None])
-    swap = one_region & (reach[:, 2] > reach[:, 1] + scale.length_slack)
+    reach = np.abs(d[rows, best])
+    swap = one_region & (reach[:, 2] > reach[:, 1] + slack)
     contacts[swap] = contacts[swap][:, [0, 2, 1]]
     return contacts
 
 
-def _either_side(x_1: Array, left: Array, right: Array, spread: float, scale: Scale) -> Array:
-    """P_2 and P_3 across n_bs: one left of x_1 on one face, one right of it on the other.
+def _either_side(beyond: Array, spread: Array, slack: float) -> Array:
+    """P_2 and P_3 across n_bs: one left of L_p on one face, one right of it on the other.
+
+    Args:
+        beyond: a_2 and a_3 from L_p on [m], shape (M, 2, S, 2).
+        spread: as of `opposed_contacts`, shape (M,).
+        slack: what is no distance [m].
 
     Returns:
-        Coordinates on the left and on the right, shape (M, 2); NaN where a side has no room.
+        How far right of L_p the contacts are [m], shape (M, 2, 3): at first P_2 is on the left,
+        then P_3. NaN where a side has no room.
     """
-    everywhere = np.full_like(x_1, np.inf)
-    slack = scale.length_slack
-    away = [
-        # Distances from L_p: mirrored on the left, so that "farther" is greater on both.
-        x_1[:, None, None] - clip_intervals(left, -everywhere, x_1, slack)[..., ::-1],
-        clip_intervals(right, x_1, everywhere, slack) - x_1[:, None, None],
-    ]
-    chosen = []
-    for portion in away:
-        ends = outer_ends(portion)
-        target = ends[:, 0] + spread * (ends[:, 1] - ends[:, 0])
-        chosen.append(np.where(ends[:, 1] > slack, nearest(portion, target, slack), np.nan))
-    d_m = np.maximum(*chosen)
-    d = [
-        np.where(own >= d_m - slack, own, nearest(portion, d_m, slack))
-        for own, portion in zip(chosen, away, strict=True)
-    ]
-    room = (d[0] > slack) & (d[1] > slack)
-    return np.where(room[:, None], np.column_stack([x_1 - d[0], x_1 + d[1]]), np.nan)
+    # Mirrored on the left, so that "farther" is greater on both: shape (M, side, pairing, S, 2).
+    away = np.stack([-beyond[..., ::-1], beyond[:, ::-1]], axis=1)
+    away = clip_intervals(away, np.zeros(1), np.full(1, np.inf), slack)
+    near, far = np.moveaxis(outer_ends(away), -1, 0)
+    own = nearest(away, near + spread[:, None, None] * (far - near), slack)
+    d_m = own.max(axis=1, keepdims=True)
+    left, right = np.where(own >= d_m - slack, own, nearest(away, d_m, slack)).swapaxes(0, 1)
+    d = np.zeros((len(beyond), 2, 3))
+    d[:, 0, 1], d[:, 0, 2] = -left[:, 0], right[:, 0]
+    d[:, 1, 1], d[:, 1, 2] = right[:, 1], -left[:, 1]
+    d[~((left > slack) & (right > slack)), 1:] = np.nan
+    return d

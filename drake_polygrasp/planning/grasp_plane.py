@@ -18,6 +18,7 @@ from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, extents, gather
 from drake_polygrasp.planning.position import Opposed, PlaneDirections, hull_of
+from drake_polygrasp.planning.strips import hulls_in_strips
 from drake_polygrasp.vectors import cross, dot, unit
 
 INSET = 0.02
@@ -70,35 +71,26 @@ def _plane(
     scale: Scale,
 ) -> Planes:
     """Positions Pi_p: F = R^s cut with hull(A_1^s, A_2^s, A_3^s) holds c_m, else c_I^s is taken."""
-    across = cross(along, N)
+    axes = np.stack([cross(along, N), N], axis=1)
     index, flat = gather(edges.offsets, region.ravel())
     row = flat // 3
-    points = np.column_stack([dot(edges.tail[index], across[row]), dot(edges.tail[index], N[row])])
-    hull = shapely.convex_hull(shapely.multipoints(points, indices=row))
-    left, _, right, _ = shapely.bounds(hull).T
-    strip = shapely.box(left - scale.diameter, low, right + scale.diameter, high)
-    common = shapely.intersection(hull, strip)
-    cm = np.column_stack([across @ scale.p_BBcm, N @ scale.p_BBcm])
-    centroid = centroids(common)
-    holds_cm = shapely.distance(common, shapely.points(cm)) <= scale.length_slack
-    height = np.where(holds_cm, cm[:, 1], centroid[:, 1])
-    return Planes(
-        owner,
-        region,
-        N,
-        along,
-        low,
-        high,
-        inset(height, low, high),
-        shapely.area(common),
-        np.linalg.norm(centroid - cm, axis=1),
-    )
+    points = (axes[row] @ edges.tail[index, :, None])[..., 0]
+    hull = shapely.convex_hull(shapely.linestrings(points, indices=row))
+    area_s, centroid = hulls_in_strips(hull, low, high)
+    cm = axes @ scale.p_BBcm
+    height, slack = cm[:, 1], scale.length_slack
+    holds_cm = (height >= low - slack) & (height <= high + slack)
+    holds_cm &= shapely.distance(hull, shapely.points(cm)) <= slack
+    height = inset(np.where(holds_cm, height, centroid[:, 1]), low, high)
+    offset = centroid - cm
+    d_1 = np.sqrt(dot(offset, offset))
+    return Planes(owner, region, N, along, low, high, height, area_s, d_1)
 
 
 def inset(height: Array, low: Array, high: Array) -> Array:
     """Keeps offsets of planes away from the ends of R^s, each of shape (M,)."""
     margin = INSET * (high - low)
-    return np.clip(height, low + margin, high - margin)
+    return np.minimum(np.maximum(height, low + margin), high - margin)
 
 
 def other_heights(planes: Planes) -> Array:
@@ -228,12 +220,10 @@ def _lengths_of_lines(
         shape (M, J) [m].
     """
     lines = line_through(through[:, None], direction, scale)
-    meets = np.linalg.norm(direction, axis=-1) > 0
-    for face in (sets.faces[:, 1], sets.faces[:, 2]):
-        common = shapely.length(shapely.intersection(face[:, None], lines))
-        meets &= common > scale.length_slack
-    length = shapely.length(shapely.intersection(hull[:, None], lines))
-    return np.where(meets, length, -np.inf)
+    crossed = np.column_stack([hull, sets.faces[:, 1:]])[:, None]
+    length = shapely.length(shapely.intersection(crossed, lines[..., None]))
+    meets = (length[..., 1:] > scale.length_slack).all(axis=-1) & direction.any(axis=-1)
+    return np.where(meets, length[..., 0], -np.inf)
 
 
 def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:
@@ -246,25 +236,26 @@ def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:
     first, second, third = sets.faces.T
     hull = hull_of(sets.faces[:, 1:])
     auxiliary = shapely.intersection(first, hull)  # A_aux2
-    centre, c_2, c_3 = (centroids(shape) for shape in (auxiliary, second, third))
+    centre, c_2, c_3 = centroids(np.stack([auxiliary, second, third]))
     candidates = np.stack([c_3 - c_2, c_2 - centre, c_3 - centre], axis=1)
-    long = np.linalg.norm(candidates, axis=-1) > SHORT * scale.diameter
+    long = dot(candidates, candidates) > (SHORT * scale.diameter) ** 2
     candidates *= long[..., None]
     length = _lengths_of_lines(sets, hull, centre, candidates, scale)
     rows, column = ties(length, TIE * scale.diameter)
     owners, directions = [rows], [candidates[rows, column]]
 
-    rest = np.setdiff1d(np.arange(len(hull)), rows)
-    rows, edge = _mixed_hull_edges(sets.take(rest), hull[rest], centre[rest], scale)
-    owners.append(rest[rows])
-    directions.append(edge)
-
-    rest = np.setdiff1d(rest, rest[rows])
-    fan = fan_directions(hull_of(auxiliary[rest, None]))
-    length = _lengths_of_lines(sets.take(rest), hull[rest], centre[rest], fan, scale)
-    rows, column = ties(length, TIE * scale.diameter)
-    owners.append(rest[rows])
-    directions.append(fan[rows, column])
+    rest = np.delete(np.arange(len(hull)), rows)
+    if len(rest):
+        rows, edge = _mixed_hull_edges(sets.take(rest), hull[rest], centre[rest], scale)
+        owners.append(rest[rows])
+        directions.append(edge)
+        rest = np.delete(rest, rows)
+    if len(rest):
+        fan = fan_directions(hull_of(auxiliary[rest, None]))
+        length = _lengths_of_lines(sets.take(rest), hull[rest], centre[rest], fan, scale)
+        rows, column = ties(length, TIE * scale.diameter)
+        owners.append(rest[rows])
+        directions.append(fan[rows, column])
     return np.concatenate(owners), np.concatenate(directions)
 
 

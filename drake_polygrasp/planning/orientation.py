@@ -26,21 +26,21 @@ _PAIRS = np.array([[1, 2], [0, 2], [0, 1]])  # the two others of each of three
 
 def triples(num_regions: int) -> Iterator[Ints]:
     """All i < j < k in lexicographic order, in chunks of about CHUNK rows of shape (M, 3)."""
+    couples = pairs(num_regions)
     later = num_regions - 1 - np.arange(num_regions)
     counts = later * (later - 1) // 2
     chunk_of = np.cumsum(counts) // CHUNK
-    for chunk in np.unique(chunk_of):
-        first = np.flatnonzero(chunk_of == chunk)
-        j, k = np.triu_indices(num_regions, 1)
-        after = np.searchsorted(j, first, side="right")
-        sizes = len(j) - after
-        flat = np.arange(sizes.sum()) - np.repeat(np.cumsum(sizes) - sizes - after, sizes)
-        yield np.column_stack([np.repeat(first, sizes), j[flat], k[flat]])
+    for first in np.split(np.arange(num_regions), np.flatnonzero(np.diff(chunk_of)) + 1):
+        i = np.repeat(first, counts[first])
+        # The pairs of the regions after i are the last of all.
+        later_couples = [couples[len(couples) - count :] for count in counts[first]]
+        yield np.column_stack([i, np.concatenate([couples[:0], *later_couples])])
 
 
 def pairs(num_regions: int) -> Ints:
     """All i < j, shape (M, 2)."""
-    return np.column_stack(np.triu_indices(num_regions, 1))
+    region = np.arange(num_regions)
+    return np.argwhere(region[:, None] < region)
 
 
 def friction_angle(mu: Array) -> Array:
@@ -69,7 +69,7 @@ def least_ball_centre(tips: Array) -> Array:
     two = np.where(np.arange(3) == longest[..., None], 0.0, 0.5)
     total = np.where(by_edge, 1.0, weight.sum(axis=-1))
     weight = np.where(by_edge[..., None], two, weight / total[..., None])
-    centre: Array = np.einsum("...i,...ij->...j", weight, tips)
+    centre: Array = (weight[..., None, :] @ tips)[..., 0, :]
     return centre
 
 
@@ -93,7 +93,7 @@ def opposes(nhat: Array, alpha: Array) -> Bools:
     passes = _may_oppose(nhat, alpha)
     rows = np.flatnonzero(passes)
     centre = least_ball_centre(nhat[rows])
-    passes[rows] = np.linalg.norm(centre, axis=-1) < np.sin(alpha[rows]) - ANGLE_TOLERANCE
+    passes[rows] = np.sqrt(dot(centre, centre)) < np.sin(alpha[rows]) - ANGLE_TOLERANCE
     return passes
 
 
@@ -121,7 +121,8 @@ def pair_opposes(nhat: Array, alpha: Array) -> Bools:
 
 def sine_of_pair(nhat: Array) -> Array:
     """sin(phi) of two faces, half the length of n_1 + n_2: shape (M, 2, 3) to (M,)."""
-    sine: Array = np.linalg.norm(nhat.sum(axis=1), axis=-1) / 2
+    total = nhat[:, 0] + nhat[:, 1]
+    sine: Array = np.sqrt(dot(total, total)) / 2
     return sine
 
 
@@ -158,14 +159,17 @@ def classify(nhat: Array, alpha: Array) -> Parallel:
     close = dot(nhat[:, _PAIRS[:, 0]], nhat[:, _PAIRS[:, 1]])
     is_closest = close >= close.max(axis=1, keepdims=True) - ANGLE_TOLERANCE
     # Within a cap of radius alpha no two vectors are more than 2 alpha apart.
-    apart = np.maximum(np.roll(close, -1, axis=1), np.roll(close, 1, axis=1))
+    apart = np.maximum(close[:, [1, 2, 0]], close[:, [2, 0, 1]])
     may = (is_closest & (apart < -np.cos(2 * alpha)[:, None] + 1e-6)).any(axis=1)
     rows = np.flatnonzero(may | (alpha > np.pi / 2 - 1e-6))
+    if not len(rows):
+        return Parallel(rows, rows, np.empty((0, 3)), np.empty(0))
 
     flipped = nhat[rows, None] * (1 - 2 * np.eye(3))[None, :, :, None]
     axis = unit(least_ball_centre(flipped))
-    sine = np.linalg.norm(cross(axis[:, :, None], flipped), axis=-1)
-    radius = np.arctan2(sine, dot(axis[:, :, None], flipped)).max(axis=-1)
+    sine = cross(axis[:, :, None], flipped)
+    cosine = dot(axis[:, :, None], flipped)
+    radius = np.arctan2(np.sqrt(dot(sine, sine)), cosine).max(axis=-1)
     radius = np.where(is_closest[rows], radius, np.inf)
     opposing = np.argmax(radius <= radius.min(axis=1, keepdims=True) + ANGLE_TOLERANCE, axis=1)
     every = np.arange(len(rows))

@@ -87,12 +87,17 @@ def _starts(owner: Ints, num_rows: int) -> Ints:
 
 def extents(edges: Boundary, region: Ints, direction: Array) -> tuple[Array, Array]:
     """Least and greatest direction . p_BV of each row's region, each of shape (K,)."""
-    if not len(region):
-        return np.empty(0), np.empty(0)
     index, owner = gather(edges.offsets, region)
     along = dot(edges.tail[index], direction[owner])
-    starts = _starts(owner, len(region))
-    return np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)
+    return row_extremes(along, along, owner, len(region))
+
+
+def row_extremes(low: Array, high: Array, owner: Ints, num_rows: int) -> tuple[Array, Array]:
+    """Least `low` and greatest `high` of the items of each row, which are in the rows' order."""
+    if not num_rows:
+        return np.empty(0), np.empty(0)
+    starts = _starts(owner, num_rows)
+    return np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
 
 
 def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
@@ -177,39 +182,35 @@ def section(
     s += dot(edges.head[index], axis[owner]) * fraction
 
     order = np.lexsort((s, owner))
-    s, owner = s[order], owner[order]
-    for parity in (1, 0):  # gaps begin at every second end, segments at the others
-        s, owner = _without_short(s, owner, parity, slack)
-    slot, counts = _slots(owner, len(region))
-    ends = np.full((len(region), max(2, int(counts.max(initial=0)))), np.nan)
-    ends[owner, slot] = s
+    low, high, owner = _segments(s[order], owner[order], slack)
+    counts = np.bincount(owner, minlength=len(region))
+    slot = np.arange(len(owner)) - (np.cumsum(counts) - counts)[owner]
+    intervals = np.full((len(region), max(1, int(counts.max(initial=0))), 2), np.nan)
+    intervals[owner, slot, 0], intervals[owner, slot, 1] = low, high
 
+    # Parallel to the face, the plane's direction across `axis` leads to no point of the cut.
     nhat_TB = regions.nhat_TB_B[region]
-    # axis, nhat and nhat_TB are independent: a cut along which `axis` is constant has no segments.
-    frame = np.stack([axis, nhat, nhat_TB], axis=1)
-    constants = np.stack([np.zeros_like(height), height, dot(nhat_TB, regions.p_BF[region])], -1)
-    columns = np.stack([constants, np.tile([1.0, 0.0, 0.0], (len(region), 1))], axis=-1)
-    singular = np.abs(np.linalg.det(frame)) < 1e-12
-    frame[singular] = np.eye(3)
-    ends[singular] = np.nan
-    line = np.linalg.solve(frame, columns)
-    return Section(line[..., 0], line[..., 1], ends.reshape(len(region), ends.shape[1] // 2, 2))
+    across = cross(axis, nhat)
+    steep = dot(nhat_TB, across)
+    singular = np.abs(steep) < 1e-12
+    intervals[singular] = np.nan
+    down = across / np.where(singular, 1.0, steep)[:, None]
+    p_BN = height[:, None] * nhat
+    rise = dot(nhat_TB, regions.p_BF[region] - p_BN)
+    return Section(
+        p_BN + rise[:, None] * down, axis - dot(nhat_TB, axis)[:, None] * down, intervals
+    )
 
 
-def _slots(owner: Ints, num_rows: int) -> tuple[Ints, Ints]:
-    """Position of each sorted item among its owner's, and how many items each row owns."""
-    counts = np.bincount(owner, minlength=num_rows)
-    return np.arange(len(owner)) - (np.cumsum(counts) - counts)[owner], counts
-
-
-def _without_short(s: Array, owner: Ints, parity: int, slack: float) -> tuple[Array, Ints]:
-    """Without the pairs of neighbours, the first at a slot of this parity, that nearly touch."""
-    slot, _ = _slots(owner, 1 + int(owner.max(initial=0)))
-    short = (slot[:-1] % 2 == parity) & (owner[:-1] == owner[1:]) & (np.diff(s) <= slack)
-    keep = np.ones(len(s), dtype=bool)
-    keep[:-1] &= ~short
-    keep[1:] &= ~short
-    return s[keep], owner[keep]
+def _segments(ends: Array, owner: Ints, slack: float) -> tuple[Array, Array, Ints]:
+    """Segments between sorted ends, an even number for each owner: low, high, and whose."""
+    low, high, owner = ends[::2], ends[1::2], owner[::2]
+    is_gap = (owner[1:] != owner[:-1]) | (low[1:] - high[:-1] > slack)
+    begins, stops = np.ones((2, len(low)), dtype=bool)
+    begins[1:], stops[:-1] = is_gap, is_gap
+    low, high, owner = low[begins], high[stops], owner[begins]
+    long = high - low > slack
+    return low[long], high[long], owner[long]
 
 
 def within(intervals: Array, s: Array, slack: float) -> Bools:
@@ -222,13 +223,9 @@ def within(intervals: Array, s: Array, slack: float) -> Bools:
 
 def clip_intervals(intervals: Array, low: Array, high: Array, slack: float) -> Array:
     """The parts of the intervals between low and high; NaN where no more than slack is left."""
-    clipped = np.stack(
-        [
-            np.maximum(intervals[..., 0], low[..., None]),
-            np.minimum(intervals[..., 1], high[..., None]),
-        ],
-        axis=-1,
-    )
+    clipped = np.empty_like(intervals)
+    np.maximum(intervals[..., 0], low[..., None], out=clipped[..., 0])
+    np.minimum(intervals[..., 1], high[..., None], out=clipped[..., 1])
     clipped[~(clipped[..., 1] - clipped[..., 0] > slack)] = np.nan
     return clipped
 
@@ -241,108 +238,25 @@ def nearest(intervals: Array, s: Array, slack: float) -> Array:
         s: shape (...).
         slack: distances that differ by less than this are equal.
     """
-    candidates = np.clip(s[..., None], intervals[..., 0], intervals[..., 1])
+    candidates = np.minimum(np.maximum(s[..., None], intervals[..., 0]), intervals[..., 1])
     distance = np.abs(candidates - s[..., None])
-    distance = np.where(np.isnan(distance), np.inf, distance)
-    best = distance <= distance.min(axis=-1, keepdims=True) + slack
-    found: Array = np.where(best & np.isfinite(distance), candidates, -np.inf).max(axis=-1)
-    return np.where(np.isfinite(found), found, np.nan)
+    least = np.fmin.reduce(distance, axis=-1, keepdims=True)
+    best = np.where(distance <= least + slack, candidates, np.nan)
+    found: Array = np.fmax.reduce(best, axis=-1)
+    return found
 
 
 def outer_ends(intervals: Array) -> Array:
     """Least and greatest end over all intervals, shape (..., 2); NaN where all are empty."""
-    low = np.where(np.isnan(intervals[..., 0]), np.inf, intervals[..., 0]).min(axis=-1)
-    high = np.where(np.isnan(intervals[..., 1]), -np.inf, intervals[..., 1]).max(axis=-1)
-    ends = np.stack([low, high], axis=-1)
-    ends[~np.isfinite(low)] = np.nan
+    ends = np.empty((*intervals.shape[:-2], 2))
+    np.fmin.reduce(intervals[..., 0], axis=-1, out=ends[..., 0])
+    np.fmax.reduce(intervals[..., 1], axis=-1, out=ends[..., 1])
     return ends
-
-
-def strips_meet(turn: Array, low: Array, high: Array, slack: float) -> Bools:
-    """Whether three strips low_i <= t_i . p <= high_i of a plane share more than a point.
-
-    The three values t_i . p of any point satisfy sum turn_i (t_i . p) = 0 and no other relation,
-    so the strips meet if and only if this plane cuts the box of their bounds.
-
-    Args:
-        turn: (t_2 x t_3, t_3 x t_1, t_1 x t_2) . N, shape (K, 3).
-        low: shape (K, 3) [m].
-        high: shape (K, 3) [m].
-        slack: what an intersection must exceed [m].
-    """
-    middle, half = (low + high) / 2, (high - low) / 2
-    meet: Bools = np.abs(dot(turn, middle)) < dot(np.abs(turn), half) - slack
-    return meet
-
-
-def strips_polygon(that: Array, turn: Array, low: Array, high: Array) -> Array:
-    """The common polygon of three strips, shape (K, 10, 2), some vertices repeated.
-
-    Args:
-        that: unit normals t_i of the strips in the plane's coordinates, shape (K, 3, 2).
-        turn: as in `strips_meet`, shape (K, 3).
-        low: shape (K, 3) [m].
-        high: shape (K, 3) [m].
-    """
-    rows = np.arange(len(that))
-    last = np.argmax(np.abs(turn), axis=1)  # the other two are the least parallel pair
-    first, second = (last + 1) % 3, (last + 2) % 3
-    normals = np.stack([that[rows, first], that[rows, second]], axis=1)
-    bounds = np.stack(
-        [
-            np.stack([low[rows, first], high[rows, first], high[rows, first], low[rows, first]], 1),
-            np.stack(
-                [low[rows, second], low[rows, second], high[rows, second], high[rows, second]], 1
-            ),
-        ],
-        axis=1,
-    )
-    corners = np.swapaxes(np.linalg.solve(normals, bounds), 1, 2)
-    corners = clip_polygon(corners, that[rows, last], high[rows, last])
-    return clip_polygon(corners, -that[rows, last], -low[rows, last])
-
-
-def clip_polygon(vertices: Array, normal: Array, offset: Array) -> Array:
-    """Cuts convex polygons with the half-planes normal . p <= offset.
-
-    Args:
-        vertices: shape (K, V, 2); repeated vertices are allowed, order is kept.
-        normal: shape (K, 2).
-        offset: shape (K,).
-
-    Returns:
-        shape (K, V + 2, 2), padded by repeating the last vertex; NaN where nothing is left.
-    """
-    num_rows, num_vertices, _ = vertices.shape
-    beyond = dot(vertices, normal[:, None]) - offset[:, None]
-    next_vertex, next_beyond = np.roll(vertices, -1, axis=1), np.roll(beyond, -1, axis=1)
-    crosses = (beyond <= 0) != (next_beyond <= 0)
-    span = np.where(crosses, beyond - next_beyond, 1.0)
-    crossing = vertices + (beyond / span)[..., None] * (next_vertex - vertices)
-
-    points = np.stack([vertices, crossing], axis=2).reshape(num_rows, 2 * num_vertices, 2)
-    keep = np.stack([beyond <= 0, crosses], axis=2).reshape(num_rows, 2 * num_vertices)
-    order = np.argsort(~keep, axis=1, kind="stable")[:, : num_vertices + 2]
-    count = keep.sum(axis=1)
-    slot = np.minimum(np.arange(num_vertices + 2), np.maximum(count - 1, 0)[:, None])
-    clipped: Array = points[np.arange(num_rows)[:, None], np.take_along_axis(order, slot, axis=1)]
-    clipped[count == 0] = np.nan
-    return clipped
-
-
-def area_and_centroid(vertices: Array) -> tuple[Array, Array]:
-    """Areas (K,) and centroids (K, 2) of convex polygons (K, V, 2) with positive area."""
-    p = vertices - vertices[:, :1]
-    q = np.roll(p, -1, axis=1)
-    twice = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
-    area = twice.sum(axis=1) / 2
-    moment = ((p + q) * twice[..., None]).sum(axis=1) / 6
-    centroid = vertices[:, 0] + moment / np.where(area == 0, 1.0, area)[:, None]
-    return np.abs(area), centroid
 
 
 def centroids(shapes: Shapes) -> Array:
     """Centroids of shapes, shape (..., 2); NaN for empty ones."""
-    points = shapely.centroid(shapes)
-    points = np.where(shapely.is_empty(points), None, points)  # get_x raises for empty points
-    return np.stack([shapely.get_x(points), shapely.get_y(points)], axis=-1)
+    found = np.full((*np.shape(shapes), 2), np.nan)
+    # Empty points have no coordinates.
+    found[~shapely.is_empty(shapes)] = shapely.get_coordinates(shapely.centroid(shapes))
+    return found

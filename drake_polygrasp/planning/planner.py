@@ -61,27 +61,6 @@ _OPPOSING_FIRST = np.array([[0, 1, 2], [1, 0, 2], [2, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
-class _Valued:
-    """Rows with a non-empty P and what eq. 5-10 need, before one row a set is chosen."""
-
-    cut: Cut
-    q_4: Array
-    q_5: Array
-    scale: Scale
-
-    def best(self) -> Ints:
-        """The row of best Q of each set; Q by the object's size, which needs no other set."""
-        cut = self.cut
-        q = q_positions(cut.d_1, cut.d_2, cut.area_s, cut.area_p, self.scale.rho, "object")
-        located = q.prod(axis=1)
-        num_sets = int(cut.owner.max(initial=-1)) + 1
-        best = grouped_ties(located * self.q_4 * self.q_5, cut.owner, num_sets, EQUAL_QUALITY)
-        best = best[grouped_ties(located[best], cut.owner[best], num_sets, EQUAL_QUALITY)]
-        first: Ints = best[np.unique(cut.owner[best], return_index=True)[1]]
-        return first
-
-
-@dataclass(frozen=True, eq=False)
 class _Found:
     """Chosen rows with contacts: a variant each; what paper-scaled Q still needs of them."""
 
@@ -129,7 +108,8 @@ def plan_sets(
     first = 0
     for batch in _batches(len(regions.face), chosen):
         code, some = (stages.triples if batch.shape[1] == 3 else stages.pairs)(batch, first)
-        sets.append(np.pad(batch, ((0, 0), (0, 3 - batch.shape[1])), constant_values=-1))
+        sets.append(np.full((len(batch), 3), -1))
+        sets[-1][:, : batch.shape[1]] = batch
         codes.append(code)
         found.extend(some)
         first += len(batch)
@@ -151,6 +131,7 @@ def _batches(num_regions: int, chosen: Ints | None) -> Iterator[Ints]:
 
 
 def _candidates(found: list[_Found], rho: float, method: Method) -> Candidates:
+    """All that was found; one part at least, that of the pairs, perhaps without rows."""
     columns = {
         column.name: np.concatenate([getattr(part, column.name) for part in found])
         for column in fields(_Found)
@@ -188,16 +169,19 @@ class _Stages:
         rows = np.flatnonzero(opposes(nhat, alpha))
         parallel = classify(nhat[rows], alpha[rows])
 
+        found = []
         flat = np.delete(rows, parallel.rows)
-        found = [self._nonparallel(region[flat], alpha[flat], code, flat, first)]
+        if len(flat):
+            found.append(self._nonparallel(region[flat], alpha[flat], code, flat, first))
 
         steep = rows[parallel.rows]
-        roles = np.take_along_axis(region[steep], _OPPOSING_FIRST[parallel.opposing], axis=1)
-        found.append(
-            self._parallel(
-                roles, alpha[steep], parallel.nhat_bs, parallel.radius, code, steep, first
+        if len(steep):
+            roles = region[steep[:, None], _OPPOSING_FIRST[parallel.opposing]]
+            found.append(
+                self._parallel(
+                    roles, alpha[steep], parallel.nhat_bs, parallel.radius, code, steep, first
+                )
             )
-        )
         return code, found
 
     def _nonparallel(
@@ -226,7 +210,7 @@ class _Stages:
         nhat = regions.nhat_TB_B[cut.region]
         q_4 = q_orientation(phi[cut.owner], alpha[cut.owner])
         q_5 = q_directions(nhat, cut.nhat_B, parallel=False)
-        best = _Valued(cut, q_4, q_5, scale).best()
+        best = self._best(cut, q_4, q_5)
         cut, q_4, q_5 = cut.take(best), q_4[best], q_5[best]
 
         contacts = nonparallel_contacts(cut, on.take(cut.owner), scale)
@@ -296,21 +280,24 @@ class _Stages:
         where: Ints,
         first: int,
     ) -> _Found:
-        best = _Valued(cut, q_4, q_5, self.scale).best()
-        cut, q_4, q_5 = cut.take(best), q_4[best], q_5[best]
-        contacts = np.stack(
-            [opposed_contacts(cut, self.scale, spread) for spread in self.spreads], axis=1
-        )
-        self._mark(code, where[cut.owner], contacts[:, 0], "wrong_order")
-        repeated = np.repeat(np.arange(len(q_4)), len(self.spreads))
-        return self._found(
-            cut.take(repeated),
-            contacts.reshape(-1, 3, 3),
-            q_4[repeated],
-            q_5[repeated],
-            where[cut.owner][repeated] + first,
-            is_parallel=True,
-        )
+        best = self._best(cut, q_4, q_5)
+        variants = np.repeat(best, len(self.spreads))
+        cut, q_4, q_5 = cut.take(variants), q_4[variants], q_5[variants]
+        where = where[cut.owner]
+        contacts = opposed_contacts(cut, self.scale, np.tile(self.spreads, len(best)))
+        is_text = slice(None, None, len(self.spreads))
+        self._mark(code, where[is_text], contacts[is_text], "wrong_order")
+        return self._found(cut, contacts, q_4, q_5, where + first, is_parallel=True)
+
+    def _best(self, cut: Cut, q_4: Array, q_5: Array) -> Ints:
+        """The row of best Q of each set; Q by the object's size, which needs no other set."""
+        q = q_positions(cut.d_1, cut.d_2, cut.area_s, cut.area_p, self.scale.rho, "object")
+        located = q.prod(axis=1)
+        num_sets = int(cut.owner.max(initial=-1)) + 1
+        best = grouped_ties(located * q_4 * q_5, cut.owner, num_sets, EQUAL_QUALITY)
+        best = best[grouped_ties(located[best], cut.owner[best], num_sets, EQUAL_QUALITY)]
+        first: Ints = best[np.unique(cut.owner[best], return_index=True)[1]]
+        return first
 
     @staticmethod
     def _mark(code: npt.NDArray[np.int8], where: Ints, contacts: Array, failure: str) -> None:

@@ -18,14 +18,13 @@ from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.planar import (
     Boundary,
     Shapes,
-    area_and_centroid,
     extents,
     gather,
     orthonormal_pair,
     project,
-    strips_meet,
-    strips_polygon,
+    row_extremes,
 )
+from drake_polygrasp.planning.strips import area_and_centroid, strips_meet, strips_polygon
 from drake_polygrasp.vectors import cross, dot, unit
 
 
@@ -59,18 +58,16 @@ class PlaneDirections:
             Areas (M,), and the centroids as vectors within the plane through B's origin, (M, 3).
         """
         axes = np.stack([self.that[:, 0], cross(self.nhat_B, self.that[:, 0])], axis=1)
-        that_2 = np.einsum("mij,mkj->mik", self.that, axes)
+        that_2 = self.that @ axes.swapaxes(1, 2)
         area, centroid = area_and_centroid(strips_polygon(that_2, self.turn, low, high))
-        return area, np.einsum("mk,mkj->mj", centroid, axes)
+        return area, (centroid[:, None] @ axes)[:, 0]
 
 
 def plane_directions(N: Array, nhat: Array) -> PlaneDirections:
     """Directions on Pi_l from its normal, shape (M, 3), and the three normals, shape (M, 3, 3)."""
     nprime = unit(nhat - dot(N[:, None], nhat)[..., None] * N[:, None])
     that = cross(N[:, None], nprime)
-    turn = np.stack(
-        [dot(N, cross(that[:, (i + 1) % 3], that[:, (i + 2) % 3])) for i in range(3)], axis=1
-    )
+    turn = dot(N[:, None], cross(that[:, [1, 2, 0]], that[:, [2, 0, 1]]))
     return PlaneDirections(N, that, nprime, turn)
 
 
@@ -146,39 +143,28 @@ def _cone_heights(
     """
     index, owner = gather(edges.offsets, region)
     tail, head = edges.tail[index], edges.head[index]
-    across_tail = dot(that[owner], tail - apex[owner])
-    across_head = dot(that[owner], head - apex[owner])
-    along_tail = dot(nprime[owner], tail - apex[owner])
-    along_head = dot(nprime[owner], head - apex[owner])
-    height_tail, height_head = dot(N[owner], tail), dot(N[owner], head)
-
-    low = np.full(len(region), np.inf)
-    high = np.full(len(region), -np.inf)
-    steep = slope[owner]
-    for side in (1.0, -1.0):
-        start, end = _within(
-            (side * steep * along_tail - across_tail, side * steep * along_head - across_head),
-            (side * steep * along_tail + across_tail, side * steep * along_head + across_head),
-        )
-        touched = start <= end
-        for s in (start[touched], end[touched]):
-            height = height_tail[touched] * (1 - s) + height_head[touched] * s
-            np.minimum.at(low, owner[touched], height)
-            np.maximum.at(high, owner[touched], height)
-
-    return low, high
+    ends = np.stack([tail, head])
+    from_apex = ends - apex[owner]
+    across, height = dot(that[owner], from_apex), dot(N[owner], ends)
+    along = slope[owner] * dot(nprime[owner], from_apex)
+    # What both bounds of each wedge leave of each edge.
+    wedges = np.array([[along - across, along + across], [-along - across, across - along]])
+    start, end = _positive(wedges[:, :, 0], wedges[:, :, 1])
+    s = np.stack([start.max(axis=1), end.min(axis=1)])
+    heights = height[0] * (1 - s) + height[1] * s
+    missed = s[0] > s[1]
+    low = np.where(missed, np.inf, heights).min(axis=(0, 1))
+    high = np.where(missed, -np.inf, heights).max(axis=(0, 1))
+    return row_extremes(low, high, owner, len(region))
 
 
-def _within(*constraints: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Where along each edge, in [0, 1], linear functions given at tail and head are all >= 0."""
-    start = np.zeros_like(constraints[0][0])
-    end = np.ones_like(start)
-    for at_tail, at_head in constraints:
-        change = at_tail - at_head
-        root = at_tail / np.where(change == 0, 1.0, change)
-        start = np.where(change < 0, np.maximum(start, root), start)
-        end = np.where(change > 0, np.minimum(end, root), end)
-        end = np.where((change == 0) & (at_tail < 0), -np.inf, end)
+def _positive(at_tail: Array, at_head: Array) -> tuple[Array, Array]:
+    """Where along edges, from 0 to 1, linear functions are >= 0; nowhere if the end is negative."""
+    change = at_tail - at_head
+    root = at_tail / np.where(change == 0, 1.0, change)
+    start = np.where(change < 0, np.maximum(root, 0.0), 0.0)
+    end = np.where(change > 0, np.minimum(root, 1.0), 1.0)
+    end[(change == 0) & (at_tail < 0)] = -1.0
     return start, end
 
 

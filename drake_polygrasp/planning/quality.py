@@ -38,7 +38,8 @@ def q_directions(nhat: Array, N: Array, *, parallel: bool) -> Array:
         shape (M,).
     """
     projected = nhat - dot(nhat, N[:, None])[..., None] * N[:, None]
-    side = np.linalg.norm(projected - np.roll(projected, 1, axis=1), axis=-1)
+    edge = projected - projected[:, [2, 0, 1]]
+    side = np.sqrt(dot(edge, edge))
     longest = side.max(axis=1)
     ratio = side.min(axis=1) / np.where(longest > 0, longest, 1.0)
     value = 1 - ratio if parallel else ratio
@@ -50,15 +51,13 @@ def _hull_has_origin(projected: Array, N: Array) -> Bools:
 
     Closed, because on a cube the origin is on the hull's border for every triple.
     """
-    weight = np.stack(
-        [dot(N, cross(projected[:, (i + 1) % 3], projected[:, (i + 2) % 3])) for i in range(3)],
-        axis=1,
-    )
+    following, preceding = projected[:, [1, 2, 0]], projected[:, [2, 0, 1]]
+    weight = dot(N[:, None], cross(following, preceding))
     weight *= np.where(weight.sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     spread = np.abs(weight.sum(axis=1)) > 3 * ANGLE_TOLERANCE
     inside = (weight >= -ANGLE_TOLERANCE).all(axis=1)
     # All three on one line through the origin: it is between them if two are opposed.
-    products = dot(projected, np.roll(projected, 1, axis=1)).min(axis=1)
+    products = dot(projected, preceding).min(axis=1)
     flat: Bools = (np.abs(weight) <= ANGLE_TOLERANCE).all(axis=1) & (products <= 0)
     has: Bools = np.where(spread, inside, flat)
     return has

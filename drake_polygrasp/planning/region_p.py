@@ -7,6 +7,7 @@ than their segments do: then three other offsets of Pi_p within R^s are tried.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -15,17 +16,9 @@ import shapely
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.grasp_plane import Planes, other_heights
-from drake_polygrasp.planning.planar import (
-    Boundary,
-    Scale,
-    Section,
-    Shapes,
-    centroids,
-    outer_ends,
-    section,
-    strips_meet,
-)
+from drake_polygrasp.planning.planar import Boundary, Scale, Section, Shapes, outer_ends, section
 from drake_polygrasp.planning.position import Opposed, PlaneDirections
+from drake_polygrasp.planning.strips import hulls_in_strips, strips_meet
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP
 from drake_polygrasp.vectors import cross, dot
 
@@ -69,6 +62,8 @@ class Cut:
 
 def joined(cuts: list[Cut]) -> Cut:
     """One batch of several, in order."""
+    if len(cuts) == 1:
+        return cuts[0]
     size = max(cut.segments.intervals.shape[2] for cut in cuts)
     padded = []
     for cut in cuts:
@@ -127,8 +122,8 @@ def _cut(
     p_Bc: Array,
     scale: Scale,
 ) -> Cut:
-    offset = dot(planes.nhat_B, scale.p_BBcm) - height
-    p_Bcm_on_plane = scale.p_BBcm - offset[:, None] * planes.nhat_B
+    depth = planes.nhat_B @ scale.p_BBcm - height
+    from_cm = p_Bc - scale.p_BBcm + depth[:, None] * planes.nhat_B
     return Cut(
         planes.owner,
         region,
@@ -140,8 +135,26 @@ def _cut(
         planes.d_1,
         area_p,
         p_Bc,
-        np.linalg.norm(p_Bc - p_Bcm_on_plane, axis=1),
+        np.sqrt(dot(from_cm, from_cm)),
     )
+
+
+def _at_first_height(planes: Planes, attempt: Callable[[Ints, Array], tuple[Cut, Ints]]) -> Cut:
+    """The planes with P not empty, at their first offset that has one.
+
+    `attempt` takes rows of the planes and offsets for them [m], and says which of the planes its
+    cuts are of.
+    """
+    pending = np.ones(len(planes.owner), dtype=bool)
+    cut, done = attempt(np.flatnonzero(pending), planes.height)
+    found = [cut]
+    pending[done] = False
+    if pending.any():
+        for height in other_heights(planes).T:
+            cut, done = attempt(np.flatnonzero(pending), height[pending])
+            found.append(cut)
+            pending[done] = False
+    return joined(found)
 
 
 def cut_nonparallel(
@@ -159,24 +172,20 @@ def cut_nonparallel(
     Returns:
         The planes with P not empty, at their first offset that has one.
     """
-    heights = np.column_stack([planes.height, other_heights(planes)])
-    pending = np.arange(len(planes.owner))
-    found = []
-    for attempt in range(heights.shape[1]):
-        height = heights[pending, attempt]
-        trial, directions = planes.take(pending), on.take(pending)
+
+    def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
         segments = _segments(
-            regions, edges, trial.region, trial.nhat_B, height, directions.that, scale
+            regions, edges, planes.region[rows], planes.nhat_B[rows], height, on.that[rows], scale
         )
         ends = outer_ends(segments.intervals)
-        meet = strips_meet(directions.turn, ends[..., 0], ends[..., 1], scale.length_slack)
-        trial, directions, height = trial.take(meet), directions.take(meet), height[meet]
-        area, centre = directions.polygon(ends[meet, :, 0], ends[meet, :, 1])
-        p_Bc = centre + height[:, None] * trial.nhat_B
-        segments = segments.take(meet)
-        found.append(_cut(trial, trial.region, height, segments, area, p_Bc, scale))
-        pending = pending[~meet]
-    return joined(found)
+        meet = strips_meet(on.turn[rows], ends[..., 0], ends[..., 1], scale.length_slack)
+        rows, height, ends = rows[meet], height[meet], ends[meet]
+        area, centre = on.take(rows).polygon(ends[..., 0], ends[..., 1])
+        p_Bc = centre + height[:, None] * planes.nhat_B[rows]
+        trial, segments = planes.take(rows), segments.take(meet)
+        return _cut(trial, trial.region, height, segments, area, p_Bc, scale), rows
+
+    return _at_first_height(planes, attempt)
 
 
 def cut_without_p(
@@ -193,17 +202,15 @@ def cut_without_p(
 
 def cut_parallel(regions: Regions, edges: Boundary, planes: Planes, scale: Scale) -> Cut:
     """P of parallel sets: hull(a_1, a_2, a_3) cut with the strip along n_bs tangent to a_1."""
-    heights = np.column_stack([planes.height, other_heights(planes)])
-    pending = np.arange(len(planes.owner))
-    found = []
-    for attempt in range(heights.shape[1]):
-        trial, height = planes.take(pending), heights[pending, attempt]
-        axis = np.repeat(_across(trial)[:, None], 3, axis=1)
-        segments = _segments(regions, edges, trial.region, trial.nhat_B, height, axis, scale)
-        cut, rows = _with_region_p(trial, trial.region, height, segments, scale)
-        found.append(cut)
-        pending = np.delete(pending, rows)
-    return joined(found)
+    axis = np.repeat(_across(planes)[:, None], 3, axis=1)
+
+    def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
+        region = planes.region[rows]
+        segments = _segments(regions, edges, region, planes.nhat_B[rows], height, axis[rows], scale)
+        cut, good = _with_region_p(planes.take(rows), region, height, segments, scale)
+        return cut, rows[good]
+
+    return _at_first_height(planes, attempt)
 
 
 def cut_two_faces(
@@ -226,39 +233,32 @@ def cut_two_faces(
         pocket: the pocket between the two contacts where R_maxT is R_i, shape (M,).
         scale: the object's size.
     """
-    heights = np.column_stack([planes.height, other_heights(planes)])
-    pending = np.arange(len(planes.owner))
-    found = []
-    for attempt in range(heights.shape[1]):
-        trial, height = planes.take(pending), heights[pending, attempt]
-        axis = np.repeat(_across(trial)[:, None], 2, axis=1)
-        pair = trial.region[:, :2]
-        both = _segments(regions, edges, pair, trial.nhat_B, height, axis, scale)
+    axis = np.repeat(_across(planes)[:, None], 2, axis=1)
+    settled = widest != OVERLAP
+
+    def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
+        pair = planes.region[rows, :2]
+        both = _segments(regions, edges, pair, planes.nhat_B[rows], height, axis[rows], scale)
         length = np.nansum(both.intervals[..., 1] - both.intervals[..., 0], axis=-1)
         # 7.3: the longer segment holds two contacts; of equal ones, either.
-        holds_two = length >= length.max(axis=1, keepdims=True) - scale.length_slack
-        settled = widest[pending] != OVERLAP
-        holds_two[settled] = (widest[pending] - FIRST)[settled, None] == np.arange(2)
-        row, double = np.nonzero(holds_two)
+        longer = length >= length.max(axis=1, keepdims=True) - scale.length_slack
+        chosen = (widest[rows] - FIRST)[:, None] == np.arange(2)
+        row, double = np.nonzero(np.where(settled[rows, None], chosen, longer))
 
-        roles = np.stack([1 - double, double, double], axis=1)
-        segments = Section(
-            both.p_BS[row[:, None], roles],
-            both.slope_B[row[:, None], roles],
-            both.intervals[row[:, None], roles],
-        )
-        divided = np.flatnonzero(settled[row])
-        segments.intervals[divided, 1:] = _beside_pocket(
-            segments.take(divided),
-            sets.take(trial.owner[row[divided]]),
-            pocket[pending[row[divided]]],
-        )
-        cut, rows = _with_region_p(
-            trial.take(row), pair[row[:, None], roles], height[row], segments, scale
-        )
-        found.append(cut)
-        pending = np.delete(pending, np.unique(row[rows]))
-    return joined(found)
+        which = row[:, None], np.stack([1 - double, double, double], axis=1)
+        segments = Section(both.p_BS[which], both.slope_B[which], both.intervals[which])
+        rows, height = rows[row], height[row]
+        divided = np.flatnonzero(settled[rows])
+        if len(divided):
+            segments.intervals[divided, 1:] = _beside_pocket(
+                segments.take(divided),
+                sets.take(planes.owner[rows[divided]]),
+                pocket[rows[divided]],
+            )
+        cut, good = _with_region_p(planes.take(rows), pair[which], height, segments, scale)
+        return cut, rows[good]
+
+    return _at_first_height(planes, attempt)
 
 
 def _across(planes: Planes) -> Array:
@@ -295,31 +295,27 @@ def _with_region_p(
 ) -> tuple[Cut, Ints]:
     """The rows whose P = hull(a_1, a_2, a_3) cut with a_1's strip has an area, and which."""
     ends = outer_ends(segments.intervals)
-    rows = np.flatnonzero(~np.isnan(ends).any(axis=(1, 2)))
-    planes, region, height = planes.take(rows), region[rows], height[rows]
-    segments, ends = segments.take(rows), ends[rows]
-    hull = segment_hulls(segments, _across(planes), planes.along_B)
-    _, bottom, _, top = shapely.bounds(hull).T
-    strip = shapely.box(ends[:, 0, 0], bottom - scale.rho, ends[:, 0, 1], top + scale.rho)
-    P = shapely.intersection(hull, strip)
-    area = shapely.area(P)
-    centre = centroids(P)
+    rows = np.flatnonzero(~np.isnan(ends[..., 0]).any(axis=1))
+    left, right = ends[rows, 0].T
+    hull = segment_hulls(segments.take(rows), planes.along_B[rows], _across(planes)[rows])
+    area, centre = hulls_in_strips(hull, left, right)
+    good = area > scale.area_slack
+    rows, area, centre = rows[good], area[good], centre[good]
+    planes, height = planes.take(rows), height[rows]
     p_Bc = (
-        centre[:, :1] * _across(planes)
-        + centre[:, 1:] * planes.along_B
+        centre[:, :1] * planes.along_B
+        + centre[:, 1:] * _across(planes)
         + height[:, None] * planes.nhat_B
     )
-    good = area > scale.area_slack
-    cut = _cut(planes, region, height, segments, area, p_Bc, scale)
-    return cut.take(good), rows[good]
+    return _cut(planes, region[rows], height, segments.take(rows), area, p_Bc, scale), rows
 
 
 def segment_hulls(segments: Section, x_axis: Array, y_axis: Array) -> Shapes:
     """hull(a_1, a_2, a_3) in coordinates along two unit vectors of Pi_p, shape (M,)."""
     ends = outer_ends(segments.intervals)
-    points = (segments.p_BS[:, :, None] + ends[..., None] * segments.slope_B[:, :, None]).reshape(
-        len(ends), 6, 3
+    points = segments.p_BS[:, :, None] + ends[..., None] * segments.slope_B[:, :, None]
+    axes = np.stack([x_axis, y_axis], axis=2)
+    hulls: Shapes = shapely.convex_hull(
+        shapely.linestrings(points.reshape(-1, 6, 3) @ axes, handle_nan="skip")
     )
-    coordinates = np.stack([dot(points, x_axis[:, None]), dot(points, y_axis[:, None])], axis=-1)
-    hulls: Shapes = shapely.convex_hull(shapely.multipoints(shapely.points(coordinates)))
     return hulls

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, frozen
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions, is_convex
 from drake_polygrasp.geometry.seating import least_tip
@@ -58,15 +58,22 @@ def _beside(regions: Regions, triangles_B: Array, lowest: Array, tip_radius: flo
     """Without what is near to the parts of triangles that rise above `lowest` [m], shape (n,)."""
     polygons = regions.polygon_F.copy()
     least_B, most_B = triangles_B.min(axis=1), triangles_B.max(axis=1)
-    for k, (polygon, low) in enumerate(zip(polygons, lowest, strict=True)):
-        R_BF, p_BF = regions.R_BF[k], regions.p_BF[k]
-        corners_B = p_BF + _room(polygon, low, tip_radius) @ R_BF.T
-        near = (least_B <= corners_B.max(axis=0)).all(axis=1)
-        near &= (most_B >= corners_B.min(axis=0)).all(axis=1)
-        triangles_F = (triangles_B[near] - p_BF) @ R_BF
-        rising = _near(triangles_F, polygon, low, tip_radius)
-        if len(rising):
-            polygons[k] = polygon - _blocked(rising, low, tip_radius)
+    boxes_F = _room(polygons, lowest, tip_radius)
+    middle_F, half_F = boxes_F.mean(axis=1), np.abs(boxes_F[:, 1] - boxes_F[:, 0]) / 2
+    middle_B = regions.p_BF + (regions.R_BF @ middle_F[..., None])[..., 0]
+    half_B = (np.abs(regions.R_BF) @ half_F[..., None])[..., 0]
+    rising = []
+    for k, box_F in enumerate(boxes_F):
+        near = (least_B <= middle_B[k] + half_B[k]) & (most_B >= middle_B[k] - half_B[k])
+        triangles_F = (triangles_B[near.all(axis=1)] - regions.p_BF[k]) @ regions.R_BF[k]
+        inside = (triangles_F.max(axis=1) > box_F[0]) & (triangles_F.min(axis=1) < box_F[1])
+        rising.append(triangles_F[inside.all(axis=1)])
+    owner = np.repeat(np.arange(len(rising)), [len(triangles_F) for triangles_F in rising])
+    if len(owner):
+        blocked, triangle = _blocked(np.concatenate(rising), lowest[owner], tip_radius)
+        owner = owner[triangle]
+        for k in np.unique(owner):
+            polygons[k] -= shapely.union_all(blocked[owner == k])
     return _with_polygons(regions, polygons)
 
 
@@ -87,48 +94,42 @@ def _outside(regions: Regions, obstacles: Obstacles, tip_radius: float) -> Regio
     return _with_polygons(regions, polygons)
 
 
-def _room(polygon: shapely.Polygon, low: float, tip_radius: float) -> Array:
-    """The corners of a box in F that holds all tips on the polygon, (8, 3)."""
-    x_0, y_0, x_1, y_1 = polygon.bounds
-    x = np.array([x_0 - tip_radius, x_1 + tip_radius])
-    y = np.array([y_0 - tip_radius, y_1 + tip_radius])
-    return np.stack(np.meshgrid(x, y, [low, 2 * tip_radius]), axis=-1).reshape(-1, 3)
+def _room(polygons: Shapes, lowest: Array, tip_radius: float) -> Array:
+    """Least and greatest corner of boxes in F that hold all tips on the polygons, (n, 2, 3)."""
+    boxes = np.empty((len(polygons), 2, 3))
+    boxes[:, :, :2] = shapely.bounds(polygons).reshape(-1, 2, 2)
+    boxes[:, 0, :2] -= tip_radius
+    boxes[:, 1, :2] += tip_radius
+    boxes[:, 0, 2], boxes[:, 1, 2] = lowest, 2 * tip_radius
+    return boxes
 
 
-def _near(triangles_F: Array, polygon: shapely.Polygon, low: float, tip_radius: float) -> Array:
-    """The triangles that a tip on the polygon might meet, shape (N, 3, 3)."""
-    least, most = triangles_F.min(axis=1), triangles_F.max(axis=1)
-    x_0, y_0, x_1, y_1 = polygon.bounds
-    near = (most[:, 2] > low) & (least[:, 2] < 2 * tip_radius)
-    near &= (most[:, :2] > np.array([x_0, y_0]) - tip_radius).all(axis=1)
-    near &= (least[:, :2] < np.array([x_1, y_1]) + tip_radius).all(axis=1)
-    found: Array = triangles_F[near]
-    return found
+def _blocked(triangles_F: Array, lowest: Array, tip_radius: float) -> tuple[Shapes, Ints]:
+    """What lies within `tip_radius` of the triangles' parts at the height of a tip, in the face.
 
+    Args:
+        triangles_F: shape (N, 3, 3) [m].
+        lowest: what is lower belongs to the face [m], shape (N,).
+        tip_radius: [m].
 
-def _blocked(triangles_F: Array, low: float, tip_radius: float) -> shapely.Geometry:
-    """What lies within `tip_radius` of the triangles' parts at the height of a tip, in the face."""
-    tail, head = triangles_F, np.roll(triangles_F, -1, axis=1)
+    Returns:
+        Polygons, and which triangle each is of; none of triangles without such a part.
+    """
+    low, high = lowest[:, None], 2 * tip_radius
+    tail, head = triangles_F, triangles_F[:, [1, 2, 0]]
     rise = head[..., 2] - tail[..., 2]
     rise = np.where(rise == 0, np.finfo(float).tiny, rise)
     with np.errstate(over="ignore"):  # Infinite ends are cut off below.
-        ends = (np.array([low, 2 * tip_radius]) - tail[..., 2:]) / rise[..., None]
-    start, end = np.clip(np.sort(ends, axis=-1), 0.0, 1.0).transpose(2, 0, 1)
-    height = tail[..., 2] + np.stack([start, end]) * rise
+        ends = np.stack([low - tail[..., 2], high - tail[..., 2]]) / rise
+    ends = np.clip(np.sort(ends, axis=0), 0.0, 1.0)
+    height = tail[..., 2] + ends * rise
     slack = 1e-9 * tip_radius
-    within = (height >= low - slack) & (height <= 2 * tip_radius + slack)
+    within = (height >= low - slack) & (height <= high + slack)
     inside = np.logical_and.reduce(within, axis=0)
-    span = (head - tail)[..., :2]
-    points = tail[..., :2] + np.stack([start, end])[..., None] * span
-    parts = _hulls(np.moveaxis(points, 0, 2), inside)
+    points = tail[..., :2] + ends[..., None] * (head - tail)[..., :2]
+    # Hulls of the ends of each triangle's edges that are at such a height.
+    triangle, part = np.unique(np.nonzero(inside)[0], return_inverse=True)
+    flat = np.moveaxis(points, 0, 2)[inside].reshape(-1, 2)
+    parts = shapely.convex_hull(shapely.linestrings(flat, indices=np.repeat(part, 2)))
     around = tip_radius / np.cos(np.pi / (4 * _QUARTER))
-    return shapely.union_all(shapely.buffer(parts, around, quad_segs=_QUARTER))
-
-
-def _hulls(points: Array, used: Bools) -> Shapes:
-    """Hulls of the used edges' ends of each triangle: points (N, 3, 2, 2), used (N, 3)."""
-    owner, _ = np.nonzero(used)
-    flat = points[used].reshape(-1, 2)
-    _, owner = np.unique(np.repeat(owner, 2), return_inverse=True)
-    hulls: Shapes = shapely.convex_hull(shapely.multipoints(flat, indices=owner))
-    return hulls
+    return shapely.buffer(parts, around, quad_segs=_QUARTER), triangle

@@ -38,7 +38,6 @@ from drake_polygrasp.planning.planar import (
     gather,
     outer_ends,
     project,
-    strips_polygon,
 )
 from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.position import (
@@ -58,6 +57,7 @@ from drake_polygrasp.planning.region_p import (
     cut_without_p,
     segment_hulls,
 )
+from drake_polygrasp.planning.strips import strips_polygon
 from drake_polygrasp.planning.traced import OnPiL, OnPiP, OnPiS, Trace
 from drake_polygrasp.planning.two_faces import choices, two_face_planes
 from drake_polygrasp.vectors import unit

@@ -47,19 +47,16 @@ class Choices:
 
 def choices(sets: Opposed, scale: Scale) -> Choices:
     """R_maxT and l_u; a pair whose three regions are all empty has no row."""
-    a, b = sets.faces[:, 0], sets.faces[:, 1]
-    hulls = shapely.convex_hull(sets.faces[:, :2])
-    overlap = shapely.intersection(a, b)
-    outside = shapely.difference(hulls, sets.faces[:, :2])
-    area = shapely.area(
-        np.stack(
-            [
-                overlap,
-                shapely.intersection(outside[:, 0], b),
-                shapely.intersection(outside[:, 1], a),
-            ],
-            axis=1,
-        )
+    faces = sets.faces[:, :2]
+    hulls, overlap = shapely.convex_hull(faces), shapely.intersection(*faces.T)
+    # A convex face has no R_i.
+    dented = shapely.area(hulls) - shapely.area(faces) > scale.area_slack
+    outside = np.full_like(faces, None)
+    outside[dented] = shapely.difference(hulls[dented], faces[dented])
+    area = np.zeros((len(faces), 3))
+    area[:, OVERLAP] = shapely.area(overlap)
+    area[:, FIRST:][dented] = shapely.area(
+        shapely.intersection(outside[dented], faces[:, ::-1][dented])
     )
     widest = np.argmax(area >= area.max(axis=1, keepdims=True) - scale.area_slack, axis=1)
     possible = area.max(axis=1) > scale.area_slack
@@ -70,18 +67,19 @@ def choices(sets: Opposed, scale: Scale) -> Choices:
 
     rows = np.flatnonzero(possible & (widest != OVERLAP))
     holder = widest[rows] - 1
-    pocket, owner = _pockets(outside[rows, holder], sets.faces[rows, 1 - holder], scale)
-    rows, holder = rows[owner], holder[owner]
-    hull = hulls[rows, holder]
-    owner, lid = _lids(hull, pocket, scale)
-    found.append(Choices(rows[owner], lid, widest[rows[owner]], pocket[owner]))
+    if len(rows):
+        pocket, owner = _pockets(outside[rows, holder], faces[rows, 1 - holder], scale)
+        rows, holder = rows[owner], holder[owner]
+        hull = hulls[rows, holder]
+        owner, lid = _lids(hull, pocket, scale)
+        found.append(Choices(rows[owner], lid, widest[rows[owner]], pocket[owner]))
 
-    holes = np.setdiff1d(np.arange(len(rows)), owner)
-    directions = fan_directions(hull[holes])
-    owner = np.repeat(holes, directions.shape[1])
-    found.append(
-        Choices(rows[owner], directions.reshape(-1, 2), widest[rows[owner]], pocket[owner])
-    )
+        holes = np.delete(np.arange(len(rows)), owner)
+        directions = fan_directions(hull[holes])
+        owner = np.repeat(holes, directions.shape[1])
+        found.append(
+            Choices(rows[owner], directions.reshape(-1, 2), widest[rows[owner]], pocket[owner])
+        )
     return Choices(
         *(
             np.concatenate([getattr(part, name) for part in found])
@@ -97,7 +95,8 @@ def _longest_edges(shapes: Shapes, scale: Scale) -> tuple[Ints, Array]:
     plain = shapely.simplify(shapes, scale.length_slack, preserve_topology=False)
     tail, head, owner = ring_edges(plain)
     edge = head - tail
-    best = grouped_ties(np.linalg.norm(edge, axis=1), owner, len(shapes), TIE * scale.diameter)
+    length = np.sqrt(dot(edge, edge))
+    best = grouped_ties(length, owner, len(shapes), TIE * scale.diameter)
     edge, owner = edge[best], owner[best]
     turned = edge * np.where((edge[:, 1:] < 0) | ((edge[:, 1:] == 0) & (edge[:, :1] < 0)), -1, 1)
     angle = np.arctan2(turned[:, 1], turned[:, 0])
@@ -167,10 +166,12 @@ def _height_in_overlap(sets: Opposed, overlap: Shapes, to_height: Array, scale: 
     point = np.where(has_cm[:, None], cm, centroid)
 
     rest = np.flatnonzero(~has_cm & ~has_centroid)
-    L_c = line_through(centroid[rest], to_height[rest], scale)
-    pieces, owner = shapely.get_parts(shapely.intersection(overlap[rest], L_c), return_index=True)
-    order = np.lexsort((-shapely.length(pieces), owner))
-    longest = order[np.unique(owner[order], return_index=True)[1]]
-    point[rest] = np.nan
-    point[rest[owner[longest]]] = centroids(pieces[longest])
+    if len(rest):
+        L_c = line_through(centroid[rest], to_height[rest], scale)
+        common = shapely.intersection(overlap[rest], L_c)
+        pieces, owner = shapely.get_parts(common, return_index=True)
+        order = np.lexsort((-shapely.length(pieces), owner))
+        longest = order[np.unique(owner[order], return_index=True)[1]]
+        point[rest] = np.nan
+        point[rest[owner[longest]]] = centroids(pieces[longest])
     return dot(point, unit(to_height))
