@@ -40,8 +40,8 @@ _BLOCK = 8
 """Times the number wanted: triples collected before the threshold is raised."""
 _AT_ONCE = 400_000
 """Ours: pairs times directions or points looked at together, some megabytes."""
-_ROWS = 256
-"""Triples measured at once, which keeps them in the cache."""
+_CACHED = 150_000
+"""Numbers gathered at once, which stay in the cache."""
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
@@ -321,7 +321,11 @@ def _greatest(h: Array, triples: Ints, num: int) -> tuple[Ints, Array]:
 def _heights(h: Array, triples: Ints) -> Array:
     """min_w max(h_i, h_j, h_k) of triples (M, 3), shape (M,)."""
     height = np.empty(len(triples))
-    for rows in np.array_split(np.arange(len(triples)), len(triples) // _ROWS + 1):
+    for rows in np.array_split(np.arange(len(triples)), triples.size * h.shape[1] // _CACHED + 1):
         i, j, k = triples[rows].T
-        height[rows] = np.maximum(np.maximum(h[i], h[j]), h[k]).min(axis=1)
+        # In place: new arrays of this size cost more than what is computed.
+        highest = h.take(i, axis=0)
+        np.maximum(highest, h.take(j, axis=0), out=highest)
+        np.maximum(highest, h.take(k, axis=0), out=highest)
+        height[rows] = highest.min(axis=1)
     return height
