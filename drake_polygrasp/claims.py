@@ -34,8 +34,8 @@ ROUNDING = 1e-9
 """Ours, relative: what the order of additions changes in a closed form."""
 QHULL_ROUNDING = 1e-6
 """Ours, relative: what the rounding of hulls changes in a bound."""
-FINE_GAP = 0.0005
-"""Ours: where the usual bounds do not bear a number out, bounds forty times closer may: rounding
+FINE_GAP = 0.001
+"""Ours: where the usual bounds do not bear a number out, bounds twenty times closer may: rounding
 decides which of several equal facets is refined first, and it differs between machines; and which
 facets are refined differs between versions."""
 PLANE_TOLERANCE = 1e-5
