@@ -34,9 +34,10 @@ ROUNDING = 1e-9
 """Ours, relative: what the order of additions changes in a closed form."""
 QHULL_ROUNDING = 1e-6
 """Ours, relative: what the rounding of hulls changes in a bound."""
-FINE_GAP = 0.002
-"""Ours: where the usual bounds do not bear a number out, bounds ten times closer may: rounding
-decides which of several equal facets is refined first, and it differs between machines."""
+FINE_GAP = 0.001
+"""Ours: where the usual bounds do not bear a number out, bounds twenty times closer may: rounding
+decides which of several equal facets is refined first, and it differs between machines; and which
+facets are refined differs between versions."""
 PLANE_TOLERANCE = 1e-5
 """Ours, times rho: how far contacts may be off their grasp plane; faces are flat to 1e-6 L."""
 

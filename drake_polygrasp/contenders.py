@@ -73,9 +73,13 @@ class Contenders:
         p_BC, nhat_TB_B, mu = self.contacts
         found = face_of(self.task.object_.polyhedron, *self._flat(rows)).reshape(-1, 3)
         there = np.append([face.mu for face in self.task.object_.polyhedron.faces], -np.inf)[found]
-        rows = self._passed(rows, mu[rows] <= there, "off_face")
+        on_face = mu[rows] <= there
+        # On curved surfaces, whose faces are patches, the true normals decide what is excluded.
+        avoided = self.task.exclusion.avoids(nhat_TB_B[rows].reshape(-1, 3), found.ravel())
+        avoided = avoided.reshape(-1, 3)[on_face.all(axis=1)]
+        rows = self._passed(rows, on_face, "off_face")
+        rows = self._passed(rows, ~avoided, "excluded")
         for reason, passes in (
-            ("excluded", self._allowed),
             ("tip_blocked", self._fits),
             ("obstructed", self._is_clear),
         ):
@@ -97,13 +101,6 @@ class Contenders:
         whole = np.logical_and.reduce(passes.reshape(-1, 3), axis=1)
         self.outcome[rows[~whole]] = CODE[reason]
         return rows[whole]
-
-    def _allowed(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
-        """On curved surfaces, whose faces are patches, the true normals decide."""
-        if not self.task.exclusion:
-            return np.ones(len(p_BC), dtype=bool)
-        face = face_of(self.task.object_.polyhedron, p_BC, nhat_TB_B)
-        return ~self.task.exclusion.avoids(nhat_TB_B, face)
 
     def _fits(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
         return tip_fits(self.task.object_.polyhedron, p_BC, nhat_TB_B, self.task.tip_radius)

@@ -18,11 +18,13 @@ from hypothesis import strategies as st
 
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.exact import (
+    Check,
     attained_margin,
     check_contacts,
     check_escaping_hinge,
     check_escaping_twist,
     check_force_closure,
+    prove,
 )
 from drake_polygrasp.grasp import Grasp
 from tests.common import box_grasp, collinear_contacts, prism_grasp, random_contacts
@@ -70,6 +72,17 @@ def test_the_margin_is_positive_wherever_the_check_holds():
         contacts = p[k].tolist(), n[k].tolist(), mu[k].tolist(), x.tolist()
         if check_force_closure(*contacts).ok:
             assert attained_margin(*contacts) > 0
+
+
+def test_a_proof_is_the_check_and_the_margin_at_once():
+    p, n, mu = random_contacts(200, seed=3)
+    grasps = [(*numbers(prism_grasp()), [1.0, 1.0, 1.0])]
+    for k, x in enumerate(np.random.default_rng(3).uniform(-0.2, 1, size=(200, 3))):
+        grasps.append((p[k].tolist(), n[k].tolist(), mu[k].tolist(), x.tolist()))
+    for grasp in grasps:
+        assert prove(*grasp) == (check_force_closure(*grasp), attained_margin(*grasp))
+    refused = prove([[0.0] * 3] * 3, [[0.0, 0.0, 1.0]] * 3, [0.3] * 3, BOX_X)
+    assert refused == (Check(False, "the contacts are collinear, or nearly so"), -math.inf)
 
 
 def test_a_force_on_its_cone_is_refused_and_a_hair_inside_is_not():

@@ -58,25 +58,18 @@ def prove_many(p_BC: Array, nhat_TB_B: Array, mu: Array) -> list[Proof]:
         check; "does not hold" where the contacts cannot be proved of (collinear, say) or an
         escaping twist passes its exact check; else "undecided".
     """
-    contacts = list(zip(p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist(), strict=True))
-    checks = [exact.check_contacts(*contact) for contact in contacts]
-    sound = np.array([check.ok for check in checks], dtype=bool)
-    x = np.full((len(contacts), 3), np.nan)
-    x[sound] = find_internal_forces(p_BC[sound], nhat_TB_B[sound], mu[sound])
-    return [
-        _judge(p_BC[k], nhat_TB_B[k], mu[k], frozen(x[k]))
-        if check.ok
-        else Proof(Verdict.FAILS, check.reason)
-        for k, check in enumerate(checks)
-    ]
+    x = find_internal_forces(p_BC, nhat_TB_B, mu)
+    return [_judge(*grasp) for grasp in zip(p_BC, nhat_TB_B, mu, x, strict=True)]
 
 
 def _judge(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> Proof:
-    numbers = p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist(), x.tolist()
-    check = exact.check_force_closure(*numbers)
+    contacts = p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist()
+    check, margin = exact.prove(*contacts, x.tolist())
     if check.ok:
-        margin = exact.attained_margin(*numbers)
-        return Proof(Verdict.HOLDS, internal_force=x, margin=margin)
+        return Proof(Verdict.HOLDS, internal_force=frozen(x), margin=margin)
+    presumed = exact.check_contacts(*contacts)
+    if not presumed.ok:
+        return Proof(Verdict.FAILS, presumed.reason)
     escape = find_escape(p_BC, nhat_TB_B, mu)
     if escape is None:
         best = check.reason if np.isfinite(x).all() else "no internal force is found"

@@ -21,20 +21,23 @@ from drake_polygrasp.certification.exact import (
     check_escaping_twist,
     check_force_closure,
 )
-from drake_polygrasp.wrench import contact_frames, contact_triangle, edge_forces, force_closure
+from drake_polygrasp.wrench import contact_frames, contact_triangle, edge_forces
 
 MU_FLOOR = 1e-4
 """Ours: less friction than this is reported as none; near it the exact check's own room counts."""
-_MU_STEP = 1.0 + 1e-3
-"""Ours: how finely the least friction is found, as a factor."""
-_GUESSES = 24
-"""Coefficients that are tried in closed form at a time; three times is finer than `_MU_STEP`."""
+_MU_STEP = 1.0 + 1e-4
+"""Ours: the least friction is found when it falls by a factor of less."""
+_MAX_STEPS = 50
+"""Ours: 2 to 5 are usual; the friction falls at every step."""
+_ROOM = 1.1e-9
+"""Ours: a little more than the exact check asks for, so that rounding does not matter."""
 _RESOLVED_DIGITS = 9
 """Ours: Clarabel stops at 1e-8; further digits of its solutions are noise."""
+_ZEROS, _ONE = np.zeros(3), np.ones(1)
 
 
 class _MarginProgram:
-    """Maximise t over (x, t): nhat.f - |f - (nhat.f) nhat| / mu >= t / 3, sum of nhat.f = 1.
+    """Maximise t over (x, t): nhat.f - |f - (nhat.f) nhat| / mu >= share t, sum of nhat.f = 1.
 
     f are the edge forces of x, so the program depends on the contacts by coefficients alone and
     is built once for many grasps.
@@ -55,26 +58,31 @@ class _MarginProgram:
         ).evaluator()
         self._program.AddLinearCost(-self._x_t[3])
 
-    def solve(self, rows: Array, mu: Array) -> Array | None:
-        """The x of the largest t for a triangle of unit size, or None if there is none.
+    def solve(self, rows: Array, mu: Array, share: Array) -> Array:
+        """The x of the largest t, NaN where there is none, for M triangles of unit size, (M, 3).
 
         Args:
             rows: each contact's (nhat, t_1, t_2) components of the edge forces of unit x, shape
-                (3 contacts, 3 components, 3).
-            mu: friction coefficients, shape (3,).
+                (M, 3 contacts, 3 components, 3).
+            mu: friction coefficients, shape (M, 3).
+            share: of t at each contact, shape (M, 3).
         """
-        A = np.zeros((3, 3, 4))
-        A[:, :, :3] = rows
-        with np.errstate(over="ignore"):
-            A[:, 1:] /= mu[:, None, None]
-        A[:, 0, 3] = -1.0 / 3.0
-        if not np.isfinite(A).all():  # Drake would end the process.
-            return None
-        for cone, A_i in zip(self._cones, A, strict=True):
-            cone.UpdateCoefficients(A_i, np.zeros(3))
-        self._sum.UpdateCoefficients(rows[:, 0].sum(axis=0, keepdims=True), np.ones(1))
-        result = self._solver.Solve(self._program)
-        return np.array(result.GetSolution(self._x_t)[:3]) if result.is_success() else None
+        A = np.zeros((len(rows), 3, 3, 4))
+        A[..., :3] = rows
+        with np.errstate(all="ignore"):
+            A[:, :, 1:] /= mu[..., None, None]
+        A[:, :, 0, 3] = -share
+        pushes = rows[:, :, 0].sum(axis=1)[:, None]
+        x = np.full((len(rows), 3), np.nan)
+        # Drake would end the process for coefficients that are not finite.
+        for k in np.flatnonzero(np.isfinite(A).all(axis=(1, 2, 3))):
+            for cone, A_i in zip(self._cones, A[k], strict=True):
+                cone.UpdateCoefficients(A_i, _ZEROS)
+            self._sum.UpdateCoefficients(pushes[k], _ONE)
+            result = self._solver.Solve(self._program)
+            if result.is_success():
+                x[k] = result.GetSolution(self._x_t)[:3]
+        return x
 
 
 def _edge_rows(p_BC: Array, nhat_TB_B: Array) -> tuple[Array, Array]:
@@ -84,36 +92,32 @@ def _edge_rows(p_BC: Array, nhat_TB_B: Array) -> tuple[Array, Array]:
         Shape (M, 3 contacts, 3 components, 3), and the triangles' sizes [m], shape (M,).
     """
     p, size = contact_triangle(p_BC)
-    forces = np.stack([edge_forces(p, np.broadcast_to(x, (len(p), 3))) for x in np.eye(3)], axis=-1)
+    forces = np.stack([edge_forces(p, x[None]) for x in np.eye(3)], axis=-1)
     return contact_frames(p_BC, nhat_TB_B) @ forces, size
 
 
-def _printable(x: Array, rows: Array, size: float) -> Array:
-    """The x [1/m] of the triangle as it is, from that of unit size: normal forces of sum 1."""
-    rounded = np.round(x / np.abs(x).max(), _RESOLVED_DIGITS)
-    return frozen(rounded / (rows[:, 0].sum(axis=0) @ rounded) / size)
+def _printable(x: Array, rows: Array, size: Array) -> Array:
+    """The x [1/m] of the triangles as they are, from unit size: normal forces of sum 1, (M, 3)."""
+    rounded = np.round(x / np.abs(x).max(axis=1, keepdims=True), _RESOLVED_DIGITS)
+    push = (rows[:, :, 0].sum(axis=1) * rounded).sum(axis=1)
+    return frozen(rounded / (push * size)[:, None])
 
 
 def find_internal_forces(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Array:
     """The internal forces of the greatest margin, for M grasps; nothing is proved of them yet.
 
     Args:
-        p_BC: contact points, not collinear [m], shape (M, 3, 3).
+        p_BC: contact points [m], shape (M, 3, 3).
         nhat_TB_B: inward unit normals, shape (M, 3, 3).
-        mu: friction coefficients, positive, shape (M, 3).
+        mu: friction coefficients, shape (M, 3).
 
     Returns:
         x_12, x_13, x_23 [1/m], scaled so that all normal forces add up to 1, shape (M, 3); NaN
         where the solver finds none.
     """
     rows, size = _edge_rows(p_BC, nhat_TB_B)
-    program = _MarginProgram()
-    forces = np.full((len(p_BC), 3), np.nan)
-    for k in range(len(p_BC)):
-        x = program.solve(rows[k], mu[k])
-        if x is not None:
-            forces[k] = _printable(x, rows[k], size[k])
-    return frozen(forces)
+    share = np.full(mu.shape, 1.0 / 3.0)
+    return _printable(_MarginProgram().solve(rows, mu, share), rows, size)
 
 
 def friction_at(mu: Array, mu_min: float) -> Array:
@@ -130,8 +134,8 @@ def friction_at(mu: Array, mu_min: float) -> Array:
 def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[float, Array]:
     """How little friction would still do.
 
-    The margin grows with a common factor on all coefficients, so bisection finds the least factor
-    (to 1e-3 of itself) whose internal force passes the exact check.
+    An internal force has a friction that it needs, and the one of the greatest margin there needs
+    less: so the friction falls to the least, as fast as Newton's method does (Dinkelbach, 1967).
 
     Args:
         p_BC: contact points [m], shape (3, 3).
@@ -141,51 +145,38 @@ def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[
 
     Returns:
         mu_min, the greatest coefficient then, 0 below `MU_FLOOR`; and the internal force that
-        proves the grasp with `friction_at(mu, mu_min)` [1/m], shape (3,).
+        proves the grasp with `friction_at(mu, mu_min)` [1/m], shape (3,), exactly checked.
     """
     rows, size = _edge_rows(p_BC[None], nhat_TB_B[None])
-    program = _MarginProgram()
-
-    def proof(coefficient: float) -> Array | None:
-        lowered = friction_at(mu, coefficient)
-        solution = program.solve(rows[0], lowered)
-        if solution is None:
-            return None
-        force = _printable(solution, rows[0], size[0])
-        contacts = p_BC.tolist(), nhat_TB_B.tolist(), lowered.tolist()
-        return force if check_force_closure(*contacts, force.tolist()).ok else None
-
-    witness = proof(0.0)
-    if witness is not None:
-        return 0.0, witness
-    lower, mu_min, witness = MU_FLOOR, float(mu.max()), frozen(x)
-    guess = _least_friction_in_closed_form(p_BC, nhat_TB_B, mu)
-    guesses = [guess * _MU_STEP**power for power in (-32, -4, -0.49, 32, 4, 0.49)]
-    while mu_min > lower * _MU_STEP:
-        middle = guesses.pop() if guesses else math.sqrt(lower * mu_min)
-        if not lower < middle < mu_min:
-            continue
-        force = proof(middle)
-        if force is None:
-            lower = middle
-        else:
-            mu_min, witness = middle, force
-    return mu_min, witness
+    program, greatest = _MarginProgram(), float(mu.max())
+    mu_min, witness = min(_friction_needed(rows[0], mu, x), greatest), x
+    tried = MU_FLOOR
+    for _ in range(_MAX_STEPS):
+        if mu_min <= MU_FLOOR:
+            break
+        # In shares of the forces at hand t counts friction alike at all contacts.
+        share = size * (rows[..., 0, :] @ witness)
+        force = _printable(program.solve(rows, friction_at(mu, tried)[None], share), rows, size)[0]
+        needed = _friction_needed(rows[0], mu, force)
+        is_last = tried > MU_FLOOR and not needed * _MU_STEP < mu_min
+        if needed < mu_min:
+            mu_min, witness = needed, force
+        if is_last:
+            break
+        tried = mu_min
+    mu_min = mu_min if mu_min > MU_FLOOR else 0.0
+    contacts = p_BC.tolist(), nhat_TB_B.tolist(), friction_at(mu, mu_min).tolist()
+    is_proved = check_force_closure(*contacts, witness.tolist()).ok
+    return (mu_min, frozen(witness)) if is_proved else (greatest, frozen(x))
 
 
-def _least_friction_in_closed_form(p_BC: Array, nhat_TB_B: Array, mu: Array) -> float:
-    """About what `least_friction` proves: where to look first, which saves most programs."""
-    lower, upper = MU_FLOOR, float(mu.max())
-    for _ in range(3):
-        coefficients = np.geomspace(lower, upper, _GUESSES)
-        lowered = mu * (coefficients / mu.max())[:, None]
-        shape = (_GUESSES, 3, 3)
-        holds = force_closure(
-            np.broadcast_to(p_BC, shape), np.broadcast_to(nhat_TB_B, shape), lowered
-        )
-        first = int(np.append(holds[1:-1], True).argmax()) + 1
-        lower, upper = float(coefficients[first - 1]), float(coefficients[first])
-    return math.sqrt(lower * upper)
+def _friction_needed(rows: Array, mu: Array, x: Array) -> float:
+    """The greatest coefficient with which x passes the exact check, all lowered by one factor."""
+    f = rows @ x
+    if not (f[:, 0] > 0.0).all():
+        return math.inf
+    squared = (f[:, 1] ** 2 + f[:, 2] ** 2) / f[:, 0] ** 2
+    return float((np.sqrt(squared + _ROOM * (1.0 + squared)) / mu).max() * mu.max())
 
 
 @dataclass(frozen=True, eq=False)

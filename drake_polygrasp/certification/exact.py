@@ -51,13 +51,14 @@ class _RefusedError(Exception):
 
 @dataclass(frozen=True)
 class _Contacts:
-    """Points and normals as integers: the numbers given times p_scale and n_scale."""
+    """All as integers: the numbers given times p_scale, n_scale and mu_scale."""
 
     p: list[list[int]]
     p_scale: int
     n: list[list[int]]
     n_scale: int
-    mu: list[Fraction]
+    mu: list[int]
+    mu_scale: int
 
 
 def check_contacts(p: Vectors, n: Vectors, mu: Sequence[float]) -> Check:
@@ -94,16 +95,9 @@ def check_force_closure(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence
     """
     try:
         contacts = _triangle(p, n, mu)
-        forces = _edge_forces(contacts, x)
+        return _check_forces(contacts, _edge_forces(contacts, x))
     except _RefusedError as refused:
         return Check(False, str(refused))
-    for i in range(3):
-        n_i, f_i, mu_i = contacts.n[i], forces[i], contacts.mu[i]
-        if _dot(n_i, f_i) <= 0:
-            return Check(False, f"the force at contact {i + 1} does not push into the object")
-        if _dot(n_i, f_i) ** 2 * (1 + mu_i**2) < INTERIOR * _dot(f_i, f_i) * _dot(n_i, n_i):
-            return Check(False, f"the force at contact {i + 1} is not inside its friction cone")
-    return Check(True)
 
 
 def attained_margin(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[float]) -> float:
@@ -115,19 +109,22 @@ def attained_margin(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[flo
     """
     try:
         contacts = _triangle(p, n, mu)
-        forces = _edge_forces(contacts, x)
-        push = [_dot(n_i, f_i) for n_i, f_i in zip(contacts.n, forces, strict=True)]
-        if sum(push) <= 0:
-            return -math.inf
-        margins = []
-        for n_i, f_i, mu_i, push_i in zip(contacts.n, forces, contacts.mu, push, strict=True):
-            n_n = _dot(n_i, n_i)
-            sideways = contacts.n_scale**2 * (_dot(f_i, f_i) * n_n - push_i**2)
-            ratio = Fraction(sideways, n_n * sum(push) ** 2) / mu_i**2
-            margins.append(3 * (push_i / sum(push) - math.sqrt(ratio)))
-    except (_RefusedError, OverflowError):
+        return _margin(contacts, _edge_forces(contacts, x))
+    except _RefusedError:
         return -math.inf
-    return min(margins)
+
+
+def prove(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[float]) -> tuple[Check, float]:
+    """What `check_force_closure` and `attained_margin` say, in little more than the time of one.
+
+    Arguments as in `check_force_closure`. Never raises.
+    """
+    try:
+        contacts = _triangle(p, n, mu)
+        forces = _edge_forces(contacts, x)
+    except _RefusedError as refused:
+        return Check(False, str(refused)), -math.inf
+    return _check_forces(contacts, forces), _margin(contacts, forces)
 
 
 def check_escaping_twist(
@@ -192,10 +189,41 @@ def check_escaping_hinge(
     return _check_escape(contacts, [_cross(omega, _minus(p_i, start)) for p_i in contacts.p])
 
 
+def _check_forces(contacts: _Contacts, forces: list[list[int]]) -> Check:
+    one = contacts.mu_scale**2
+    for i, (n_i, f_i, mu_i) in enumerate(zip(contacts.n, forces, contacts.mu, strict=True)):
+        push = _dot(n_i, f_i)
+        if push <= 0:
+            return Check(False, f"the force at contact {i + 1} does not push into the object")
+        if _sign(push**2 * (one + mu_i**2), INTERIOR, one * _dot(f_i, f_i) * _dot(n_i, n_i)) < 0:
+            return Check(False, f"the force at contact {i + 1} is not inside its friction cone")
+    return Check(True)
+
+
+def _margin(contacts: _Contacts, forces: list[list[int]]) -> float:
+    push = [_dot(n_i, f_i) for n_i, f_i in zip(contacts.n, forces, strict=True)]
+    total = sum(push)
+    if total <= 0:
+        return -math.inf
+    unit = (contacts.n_scale * contacts.mu_scale) ** 2
+    margins = []
+    try:
+        for n_i, f_i, mu_i, push_i in zip(contacts.n, forces, contacts.mu, push, strict=True):
+            n_n = _dot(n_i, n_i)
+            sideways = unit * (_dot(f_i, f_i) * n_n - push_i**2)
+            # The quotient of two integers, however long they are, is rounded once.
+            slip = math.sqrt(sideways / (n_n * (total * mu_i) ** 2))
+            margins.append(3 * (push_i / total - slip))
+    except OverflowError:
+        return -math.inf
+    return min(margins)
+
+
 def _check_escape(contacts: _Contacts, velocities: list[list[int]]) -> Check:
+    one = contacts.mu_scale**2
     for i, (n_i, mu_i, u_i) in enumerate(zip(contacts.n, contacts.mu, velocities, strict=True)):
         away = _dot(n_i, u_i)
-        if away < 0 or (1 + mu_i**2) * away**2 < mu_i**2 * _dot(u_i, u_i) * _dot(n_i, n_i):
+        if away < 0 or (one + mu_i**2) * away**2 < mu_i**2 * _dot(u_i, u_i) * _dot(n_i, n_i):
             return Check(False, f"contact {i + 1} resists the twist")
     return Check(True)
 
@@ -203,13 +231,14 @@ def _check_escape(contacts: _Contacts, velocities: list[list[int]]) -> Check:
 def _contacts(p: Vectors, n: Vectors, mu: Sequence[float]) -> _Contacts:
     points, p_scale = _integers(_rows(p, "p"))
     normals, n_scale = _integers(_rows(n, "n"))
-    friction = [Fraction(mu_i) for mu_i in _numbers(mu, "mu")]
-    for i in range(3):
-        if friction[i] <= 0:
+    (friction,), mu_scale = _integers([_numbers(mu, "mu")])
+    one = n_scale**2
+    for i, (n_i, mu_i) in enumerate(zip(normals, friction, strict=True)):
+        if mu_i <= 0:
             raise _RefusedError(f"the friction coefficient of contact {i + 1} is not positive")
-        if abs(_dot(normals[i], normals[i]) - n_scale**2) > UNIT_TOLERANCE * n_scale**2:
+        if _sign(abs(_dot(n_i, n_i) - one), UNIT_TOLERANCE, one) > 0:
             raise _RefusedError(f"the normal of contact {i + 1} is not of unit length")
-    return _Contacts(points, p_scale, normals, n_scale, friction)
+    return _Contacts(points, p_scale, normals, n_scale, friction, mu_scale)
 
 
 def _triangle(p: Vectors, n: Vectors, mu: Sequence[float]) -> _Contacts:
@@ -217,7 +246,7 @@ def _triangle(p: Vectors, n: Vectors, mu: Sequence[float]) -> _Contacts:
     sides = [_minus(contacts.p[j], contacts.p[i]) for i, j in ((0, 1), (0, 2), (1, 2))]
     longest = max(_dot(side, side) for side in sides)
     area = _cross(sides[0], sides[1])
-    if longest == 0 or _dot(area, area) < MIN_AREA_RATIO**2 * longest**2:
+    if longest == 0 or _sign(_dot(area, area), MIN_AREA_RATIO**2, longest**2) < 0:
         raise _RefusedError("the contacts are collinear, or nearly so")
     return contacts
 
@@ -264,12 +293,17 @@ def _integers(rows: list[list[float]]) -> tuple[list[list[int]], int]:
     return [[a * (scale // b) for a, b in row] for row in ratios], scale
 
 
+def _sign(a: int, ratio: Fraction, b: int) -> int:
+    """A number of the sign of a - ratio b; arithmetic of fractions would seek common divisors."""
+    return a * ratio.denominator - ratio.numerator * b
+
+
 def _minus(a: list[int], b: list[int]) -> list[int]:
-    return [i - j for i, j in zip(a, b, strict=True)]
+    return [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 
 
 def _dot(a: list[int], b: list[int]) -> int:
-    return sum(i * j for i, j in zip(a, b, strict=True))
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def _cross(a: list[int], b: list[int]) -> list[int]:
@@ -299,11 +333,11 @@ def main() -> int:
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
         print(f"no plan in JSON on standard input: {error!r}", file=sys.stderr)
         return 2
-    checks = [check_force_closure(*grasp) for grasp in grasps]
-    for rank, (grasp, check) in enumerate(zip(grasps, checks, strict=True), start=1):
-        margin = f"holds, margin {attained_margin(*grasp):.6g}"
-        print(f"grasp {rank}: {margin if check.ok else f'does not hold: {check.reason}'}")
-    return 0 if checks and all(check.ok for check in checks) else 1
+    proofs = [prove(*grasp) for grasp in grasps]
+    for rank, (check, margin) in enumerate(proofs, start=1):
+        holds = f"holds, margin {margin:.6g}"
+        print(f"grasp {rank}: {holds if check.ok else f'does not hold: {check.reason}'}")
+    return 0 if proofs and all(check.ok for check, _ in proofs) else 1
 
 
 if __name__ == "__main__":

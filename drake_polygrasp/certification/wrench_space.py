@@ -4,8 +4,9 @@ W is the convex hull of the wrenches of the three exact friction cones with norm
 add up to 1, torques taken about the centre of mass and divided by rho; epsilon is the radius of
 the largest ball in it about the origin (Ferrari & Canny, 1992). A polytope spanned by points of W
 lies inside it and bounds epsilon from below; the support function of W in any direction bounds
-it from above. Adding to the polytope the support points of W along the normals of its nearest
-facets brings the two together where it matters.
+it from above, closely in the directions that `epsilon_bound` singles out. Adding to the polytope
+the support points of W along the normals of its nearest facets brings the two together where it
+matters.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from pydrake.geometry.optimization import HPolyhedron, VPolytope
 
 from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.wrench import cone_wrenches, support
 
 GRAVITY = 9.81
@@ -24,13 +26,16 @@ GRAVITY = 9.81
 RELATIVE_GAP = 0.02
 """Ours: how far apart the bounds may stay, over the upper one."""
 _MAX_ROUNDS = 20
-"""Ours: 3 to 6 rounds are usual; what has not closed by now is returned as it is."""
-_FACETS_A_ROUND = 8
+"""Ours: 2 to 5 rounds are usual; what has not closed by now is returned as it is."""
+_FACETS_A_ROUND = 6
 """Ours: a few facets at a time keep the hull small, and hulls are what costs."""
 _TIE = 1e-9
 """Ours, relative: what differs by less is equal but for rounding."""
 _QHULL_ROUNDING = 1e-9
 """Ours, times the greatest generator: what a facet may be off."""
+
+_FREE_TORQUE = 1e-6
+"""Times rho, ours: divided by so little, torques are all but free, and epsilon is r_w."""
 
 # Which part of a wrench a radius is measured in.
 _WRENCH = slice(0, 6)
@@ -71,8 +76,10 @@ def epsilon_interval(
         at_least: stop refining once the upper bound is below this: the grasp has lost already.
         relative_gap: how far apart the bounds may stay, over the upper one.
     """
-    cones = cone_wrenches(p_BC[None], nhat_TB_B[None], mu[None], p_BBcm, rho)
-    return _radius_interval(cones, _WRENCH, at_least, relative_gap)
+    contacts = p_BC[None], nhat_TB_B[None], mu[None]
+    upper = epsilon_upper_bound(*contacts, p_BBcm, rho)
+    cones = cone_wrenches(*contacts, p_BBcm, rho)
+    return _radius_interval(cones, _WRENCH, float(upper[0]), at_least, relative_gap)
 
 
 def squeeze_interval(
@@ -89,20 +96,25 @@ def squeeze_interval(
     As `epsilon_interval`, for unit total normal force; without torque only the force part of a
     facet's normal counts.
     """
-    cones = cone_wrenches(p_BC[None], nhat_TB_B[None], mu[None], p_BBcm, rho)
-    return _radius_interval(cones, _FORCE, 0.0, relative_gap)
+    contacts = p_BC[None], nhat_TB_B[None], mu[None]
+    upper = epsilon_upper_bound(*contacts, p_BBcm, _FREE_TORQUE * rho)
+    cones = cone_wrenches(*contacts, p_BBcm, rho)
+    return _radius_interval(cones, _FORCE, float(upper[0]) * (1.0 + _TIE), 0.0, relative_gap)
 
 
-def _radius_interval(cones: Array, part: slice, at_least: float, relative_gap: float) -> Interval:
-    """Bounds of min over w of h(w) / |part of w|, for cones of one grasp, shape (1, 3, 3, 6)."""
+def _radius_interval(
+    cones: Array, part: slice, upper: float, at_least: float, relative_gap: float
+) -> Interval:
+    """Bounds of min over w of h(w) / |part of w|, which is `upper` at most.
+
+    For cones of one grasp, shape (1, 3, 3, 6).
+    """
     points = np.concatenate(
         [cones[0, :, 0] + sign * cones[0, :, row] for row in (1, 2) for sign in (1.0, -1.0)]
     )
-    # No wrench of W is longer than this.
-    lower, upper = 0.0, float(np.linalg.norm(cones[0], axis=-1).sum(axis=1).max())
-    normals, offsets = np.zeros((0, 6)), np.zeros(0)
+    lower, normals, offsets = 0.0, np.zeros((0, 6)), np.zeros(0)
     for _ in range(_MAX_ROUNDS):
-        facets = _facets(points)
+        facets = None if upper < at_least else _facets(points)
         if facets is None:
             break
         normals, offsets = facets
@@ -113,7 +125,7 @@ def _radius_interval(cones: Array, part: slice, at_least: float, relative_gap: f
         upper = min(upper, float((highest / length).min()))
         radius = offsets / length
         lower = max(0.0, float(radius.min()))
-        if upper - lower <= relative_gap * upper or upper < at_least:
+        if upper - lower <= relative_gap * upper:
             break
         # With all ties, for a choice among equals would follow the frame and not the grasp.
         last = np.sort(radius)[:_FACETS_A_ROUND][-1]

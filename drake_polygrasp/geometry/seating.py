@@ -21,11 +21,11 @@ from drake_polygrasp.geometry.polyhedron import (
     LENGTH_TOLERANCE,
     ON_SURFACE,
     SAME_NORMAL,
-    Face,
     Polyhedron,
     is_convex,
 )
-from drake_polygrasp.geometry.triangles import pairs_closer_than, unit_normals
+from drake_polygrasp.geometry.triangles import boxes_near, pairs_closer_than, unit_normals
+from drake_polygrasp.vectors import dot
 
 CRACK = 1e-3
 """Times L, ours: gaps narrower than this are closed to any finger, even a point."""
@@ -57,42 +57,50 @@ def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
     is no seat.
     """
     p_BC, nhat_TB_B, ok = p_BC.copy(), np.zeros_like(p_BC), np.zeros(len(p_BC), dtype=bool)
-    facets = facets_of(polyhedron)
-    for k in np.unique(face):
-        rows, on = np.flatnonzero(face == k), polyhedron.faces[k]
-        p_BC[rows], nhat_TB_B[rows], ok[rows] = (
-            seat_on_patch(polyhedron, facets, on, p_BC[rows])
-            if on.reach
-            else _seat_on_face(polyhedron, facets.nhat, on, p_BC[rows])
-        )
+    is_patch = np.array([on.reach > 0 for on in polyhedron.faces])[face]
+    flat, curved = np.flatnonzero(~is_patch), np.flatnonzero(is_patch)
+    p_BC[flat], nhat_TB_B[flat], ok[flat] = _seat_on_faces(polyhedron, p_BC[flat], face[flat])
+    if len(curved):
+        facets = facets_of(polyhedron)
+        for k in np.unique(face[curved]):
+            rows = np.flatnonzero(face == k)
+            p_BC[rows], nhat_TB_B[rows], ok[rows] = seat_on_patch(
+                polyhedron, facets, polyhedron.faces[k], p_BC[rows]
+            )
     # True faces are cut where they are covered by anything but curved solids.
-    is_patch = np.array([on.reach > 0 for on in polyhedron.faces])
-    doubtful = np.flatnonzero(ok & (is_patch[face] | bool(polyhedron.primitives)))
+    doubtful = np.flatnonzero(ok & (is_patch | bool(polyhedron.primitives)))
     ok[doubtful] = ~is_covered(polyhedron, p_BC[doubtful], nhat_TB_B[doubtful])
     if polyhedron.cavities is not None:
         ok &= ~polyhedron.cavities.sealed_at(p_BC, nhat_TB_B)
     return Seats(p_BC, nhat_TB_B, ok)
 
 
-def _seat_on_face(polyhedron: Polyhedron, nhat: Array, face: Face, p_BC: Array) -> Seats:
-    L, Fz = polyhedron.diameter, face.R_BF[:, 2]
-    flat = _flat(face, polyhedron.triangles_B, nhat, L)
-    triangles, nhat = polyhedron.triangles_B[flat], nhat[flat]
-    tree = shapely.STRtree(shapely.polygons((triangles - face.p_BF) @ face.R_BF[:, :2]))
-    points = shapely.points((p_BC - face.p_BF) @ face.R_BF[:, :2])
-    i, t = tree.query(points, predicate="dwithin", distance=LENGTH_TOLERANCE * L)
-    rise = np.einsum("ij,ij->i", triangles[t, 0] - p_BC[i], nhat[t]) / (nhat[t] @ Fz)
+def _seat_on_faces(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
+    L, planes = polyhedron.diameter, _planes(polyhedron, face)
+    Fz = planes.R_BF[:, :, 2]
+    height = np.abs(dot(p_BC - planes.p_BF, Fz)).max(initial=0.0)
+    # Whatever triangle of its face a contact is above or below is within reach.
+    reach = height + 2 * (FLATNESS + LENGTH_TOLERANCE) * L
+    i, t = boxes_near(p_BC, polyhedron.triangles_B, reach)
+    triangles, nhat = polyhedron.triangles_B[t], unit_normals(polyhedron.triangles_B[t])[0]
+    xyz = (triangles - planes.p_BF[i, None]) @ planes.R_BF[i]
+    points = shapely.points(_beside(planes, p_BC))
+    keep = _is_flat(xyz[..., 2], dot(nhat, Fz[i]), L)
+    keep[keep] = shapely.dwithin(
+        shapely.polygons(xyz[keep, :, :2]), points[i[keep]], LENGTH_TOLERANCE * L
+    )
+    i, t, triangles, nhat = i[keep], t[keep], triangles[keep], nhat[keep]
+    rise = dot(triangles[:, 0] - p_BC[i], nhat) / dot(nhat, Fz[i])
     rise = np.where(np.abs(rise) > LENGTH_TOLERANCE * L, rise, 0)
     order = np.lexsort((t, -rise, i))
-    _, first = np.unique(i[order], return_index=True)
-    best = order[first]
-    i, t = i[best], t[best]
+    best = order[_first_of_each(i[order])]
+    i, nhat = i[best], nhat[best]
     seated, ok = p_BC.copy(), np.zeros(len(p_BC), dtype=bool)
-    seated[i] += rise[best, None] * Fz
+    seated[i] += rise[best, None] * Fz[i]
     ok[i] = True
-    inward = np.tile(-Fz, (len(p_BC), 1))
-    leaning = np.linalg.norm(nhat[t] - Fz, axis=1) > ANGLE_TOLERANCE
-    inward[i[leaning]] = -nhat[t[leaning]]
+    inward, lean = -Fz, nhat - Fz[i]
+    leaning = np.sqrt(dot(lean, lean)) > ANGLE_TOLERANCE
+    inward[i[leaning]] = -nhat[leaning]
     return Seats(seated, inward, ok)
 
 
@@ -116,25 +124,31 @@ def touch(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Touch:
     On patches the triangle, or the curved solid, must itself be exposed, and the nearest patch is
     meant. Contacts on no face are returned as they are.
     """
-    L, triangles = polyhedron.diameter, polyhedron.triangles_B
-    nhat, _ = unit_normals(triangles)
-    i, t, _ = pairs_closer_than(p_BC, triangles, ON_SURFACE * L)
-    leaning = np.linalg.norm(nhat[t] + nhat_TB_B[i], axis=1)
+    L = polyhedron.diameter
+    i, t, _ = pairs_closer_than(p_BC, polyhedron.triangles_B, ON_SURFACE * L)
+    triangles, nhat = polyhedron.triangles_B[t], unit_normals(polyhedron.triangles_B[t])[0]
+    lean = nhat + nhat_TB_B[i]
+    leaning = np.sqrt(dot(lean, lean))
     # Of several triangles the one of the nearest normal comes first.
     order = np.lexsort((t, leaning, i))
-    i, t = (of[order[leaning[order] <= SAME_NORMAL]] for of in (i, t))
+    order = order[leaning[order] <= SAME_NORMAL]
+    i, t, triangles, nhat = i[order], t[order], triangles[order], nhat[order]
     face, p, n = np.full(len(p_BC), -1), p_BC.copy(), nhat_TB_B.copy()
-    exact = [k for k, of in enumerate(polyhedron.faces) if not of.reach]
-    for k in sorted(exact, key=lambda k: -polyhedron.faces[k].mu):
-        on_plane = _flat(polyhedron.faces[k], triangles[t], nhat[t], L)
-        if not on_plane.any():
-            continue
-        rows, first = np.unique(i[on_plane], return_index=True)
-        below = _distance_beside(polyhedron.faces[k], p_BC[rows]) <= ON_SURFACE * L
-        rows, nearest = rows[below], t[on_plane][first[below]]
-        rise = np.einsum("ij,ij->i", triangles[nearest, 0] - p_BC[rows], nhat[nearest])
-        face[rows], n[rows] = k, -nhat[nearest]
-        p[rows] = p_BC[rows] + rise[:, None] * nhat[nearest]
+    exact = np.flatnonzero([not of.reach for of in polyhedron.faces])
+    k, pair = _flat_pairs(polyhedron, exact, triangles, nhat)
+    first = _first_of_each(k * len(p_BC) + i[pair])
+    k, pair = k[first], pair[first]
+    polygons = np.array([polyhedron.faces[m].polygon_F for m in k], dtype=object)
+    xy = _beside(_planes(polyhedron, k), p_BC[i[pair]])
+    below = shapely.distance(polygons, shapely.points(xy)) <= ON_SURFACE * L
+    k, pair = k[below], pair[below]
+    mu = np.array([polyhedron.faces[m].mu for m in k])
+    order = np.lexsort((-k, mu, i[pair]))
+    least = order[_first_of_each(i[pair[order]])]
+    k, pair = k[least], pair[least]
+    rows, n_t = i[pair], nhat[pair]
+    face[rows], n[rows] = k, -n_t
+    p[rows] += dot(triangles[pair, 0] - p_BC[rows], n_t)[:, None] * n_t
     found = np.flatnonzero(face >= 0)
     seats = seat(polyhedron, p_BC[found], face[found])
     outermost = np.linalg.norm(seats.p_BC - p_BC[found], axis=1) <= ON_SURFACE * L
@@ -159,17 +173,47 @@ def face_of(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Ints:
     return touch(polyhedron, p_BC, nhat_TB_B).face
 
 
-def _flat(face: Face, triangles: Array, nhat: Array, L: float) -> Bools:
-    """Which triangles (T, 3, 3) of normals (T, 3) lie in the face's plane, on either side of it."""
-    Fz = face.R_BF[:, 2]
-    height = np.abs((triangles - face.p_BF) @ Fz).max(axis=1)
-    return np.asarray((height <= 2 * FLATNESS * L) & (nhat @ Fz >= _STEEPEST))
+class _Planes(NamedTuple):
+    """The frames F of faces, one for each of some contacts."""
+
+    R_BF: Array
+    """Shape (M, 3, 3)."""
+    p_BF: Array
+    """[m], shape (M, 3)."""
 
 
-def _distance_beside(face: Face, p_BC: Array) -> Array:
-    """Distance of points, seen along the face's normal, from its polygon [m], shape (M,)."""
-    xy = (p_BC - face.p_BF) @ face.R_BF[:, :2]
-    return np.asarray(shapely.distance(face.polygon_F, shapely.points(xy)))
+def _planes(polyhedron: Polyhedron, face: Ints) -> _Planes:
+    distinct, of = np.unique(face, return_inverse=True)
+    faces = [polyhedron.faces[k] for k in distinct]
+    R_BF = np.array([on.R_BF for on in faces]).reshape(-1, 3, 3)
+    return _Planes(R_BF[of], np.array([on.p_BF for on in faces]).reshape(-1, 3)[of])
+
+
+def _beside(planes: _Planes, p_BC: Array) -> Array:
+    """Points, one for each plane, seen along its normal [m], shape (M, 2)."""
+    return np.asarray(((p_BC - planes.p_BF)[:, None] @ planes.R_BF[:, :, :2])[:, 0])
+
+
+def _flat_pairs(
+    polyhedron: Polyhedron, face: Ints, triangles: Array, nhat: Array
+) -> tuple[Ints, Ints]:
+    """Which faces which triangles (T, 3, 3) of normals (T, 3) lie in, and which those are."""
+    planes = _planes(polyhedron, face)
+    cosine = planes.R_BF[:, :, 2] @ nhat.T
+    k, t = np.nonzero(cosine >= _STEEPEST)
+    height = dot(triangles[t] - planes.p_BF[k, None], planes.R_BF[k, None, :, 2])
+    flat = _is_flat(height, cosine[k, t], polyhedron.diameter)
+    return face[k[flat]], t[flat]
+
+
+def _is_flat(height: Array, cosine: Array, L: float) -> Bools:
+    """Whether triangles whose vertices are at heights (T, 3) over a plane lie in it, on a side."""
+    return np.asarray((np.abs(height).max(axis=1) <= 2 * FLATNESS * L) & (cosine >= _STEEPEST))
+
+
+def _first_of_each(keys: Ints) -> Ints:
+    """Where each run of equal keys begins."""
+    return np.flatnonzero(np.diff(keys, prepend=-1))
 
 
 def edge_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:

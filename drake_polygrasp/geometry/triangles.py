@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.vectors import cross, dot
 
 _POINTS_AT_ONCE = 1 << 12
 """Ours: temporaries of some ten megabytes."""
@@ -30,9 +33,9 @@ def unit_normals(triangles: Array) -> tuple[Array, Array]:
 
     Components below 1e-12, rounding errors, become 0; a triangle without area has normal 0.
     """
-    cross = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    length = np.linalg.norm(cross, axis=1)
-    return tidy(cross / np.where(length > 0, length, 1)[:, None]), length / 2
+    normal = cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(normal, axis=1)
+    return tidy(normal / np.where(length > 0, length, 1)[:, None]), length / 2
 
 
 def tidy(vectors: Array) -> Array:
@@ -115,20 +118,20 @@ def point_triangle_distance(points: Array, triangles: Array) -> Array:
     The nearest point is the orthogonal projection when that lies within the triangle, else on a
     side.
     """
-    corner = np.moveaxis(triangles, -2, 0)
-    side = np.roll(corner, -1, axis=0) - corner
-    offset = points - corner
-    normal = np.cross(side[0], side[1])
-    square = np.einsum("...i,...i->...", normal, normal)
+    corner = [triangles[..., c, :] for c in range(3)]
+    side = [head - tail for tail, head in zip(corner, corner[1:] + corner[:1], strict=True)]
+    offset = [points - c for c in corner]
+    normal = cross(side[0], side[1])
+    square = dot(normal, normal)
     inside = square > 0
-    on_sides = np.full(offset.shape[1:-1], np.inf)
+    on_sides = np.full(offset[0].shape[:-1], np.inf)
     for s, w in zip(side, offset, strict=True):
-        inside = inside & (np.einsum("...i,...i->...", np.cross(s, w), normal) >= 0)
-        length = np.einsum("...i,...i->...", s, s)
-        along = np.einsum("...i,...i->...", s, w) / np.where(length > 0, length, 1)
+        inside = inside & (dot(cross(s, w), normal) >= 0)
+        length = dot(s, s)
+        along = dot(s, w) / np.where(length > 0, length, 1)
         nearest = w - np.clip(along, 0, 1)[..., None] * s
-        on_sides = np.minimum(on_sides, np.linalg.norm(nearest, axis=-1))
-    height = np.abs(np.einsum("...i,...i->...", offset[0], normal))
+        on_sides = np.minimum(on_sides, np.sqrt(dot(nearest, nearest)))
+    height = np.abs(dot(offset[0], normal))
     return np.where(inside, height / np.sqrt(np.where(square > 0, square, 1)), on_sides)
 
 
@@ -137,19 +140,31 @@ def pairs_closer_than(points: Array, triangles: Array, reach: float) -> tuple[In
 
     Only triangles whose bounding box is within reach are measured.
     """
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
     found: list[tuple[Ints, Ints, Array]] = []
-    for k in range(0, len(points), _POINTS_AT_ONCE):
-        rows = points[k : k + _POINTS_AT_ONCE]
-        x, y, z = rows.T
-        i, j = tree.query(shapely.box(x - reach, y - reach, x + reach, y + reach))
-        level = (z[i] >= low[j, 2] - reach) & (z[i] <= high[j, 2] + reach)
-        i, j = i[level], j[level]
-        distance = point_triangle_distance(rows[i], triangles[j])
+    for i, j in _boxes_near(points, triangles, reach):
+        distance = point_triangle_distance(points[i], triangles[j])
         near = distance <= reach
-        found.append((k + i[near], j[near], distance[near]))
+        found.append((i[near], j[near], distance[near]))
     if not found:
         return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
     point, triangle, distance = (np.concatenate(x) for x in zip(*found, strict=True))
     return point, triangle, distance
+
+
+def boxes_near(points: Array, triangles: Array, reach: float) -> tuple[Ints, Ints]:
+    """Pairs (point, triangle's bounding box) within `reach` along each axis, (N,) and (N,)."""
+    none = np.empty(0, np.int64)
+    pairs = [(none, none), *_boxes_near(points, triangles, reach)]
+    point, triangle = (np.concatenate(x) for x in zip(*pairs, strict=True))
+    return point, triangle
+
+
+def _boxes_near(points: Array, triangles: Array, reach: float) -> Iterator[tuple[Ints, Ints]]:
+    """What `boxes_near` says, of some of the points at a time."""
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
+    for k in range(0, len(points), _POINTS_AT_ONCE):
+        x, y, z = points[k : k + _POINTS_AT_ONCE].T
+        i, j = tree.query(shapely.box(x - reach, y - reach, x + reach, y + reach))
+        level = (z[i] >= low[j, 2] - reach) & (z[i] <= high[j, 2] + reach)
+        yield k + i[level], j[level]
