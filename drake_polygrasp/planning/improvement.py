@@ -33,8 +33,12 @@ SCALES = np.array([3.0, 1.0, 0.3])
 """Steps that are tried side by side and measured together, times the step, ours."""
 NEXT_STEP = np.array([0.2, 4.5, 1.5, 0.45])
 """What the step is multiplied by if none of them rises, and if one is best, ours."""
-PATIENCE = 2
-"""Rounds in a row in which no grasp rises, before all end, ours."""
+LEAST_RISE = 1e-3
+"""Relative, ours: what would rise less stays where it is."""
+PATIENCE = 3
+"""Rounds in a row in which a grasp does not rise, before it ends, ours."""
+ROUNDS_OF_ALL = 2
+"""Rounds before the best few go on alone, ours."""
 REMEMBERED = 32
 """Directions a grasp remembers at most, ours."""
 
@@ -46,6 +50,7 @@ def improved(
     p_BBcm: Array,
     rho: float,
     rounds: int,
+    finalists: int | None = None,
 ) -> tuple[Array, Array]:
     """Contacts moved to raise epsilon; none ends with a lower bound than it began with.
 
@@ -56,45 +61,59 @@ def improved(
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         rounds: measurements.
+        finalists: how many grasps go on after `ROUNDS_OF_ALL` (default: all).
 
     Returns:
         p_BC [m], shape (M, 3, 3), and the bound of epsilon over all directions met, shape (M,).
     """
-    rows, tried = np.arange(len(region)), len(SCALES)
     polygons = regions.polygon_F[region]
     shapely.prepare(polygons)
-
-    def measure(p_FC: Array, region: Ints) -> tuple[Array, Array]:
-        contacts = points_on(regions, region, p_FC), regions.nhat_TB_B[region], regions.mu[region]
-        w, bound = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS)
-        # Of contacts that cannot hold, the bound says nothing.
-        return w, np.where(force_closure(*contacts), bound, 0.0)
-
     p_FC = points_in_faces(regions, region, p_BC)
-    step = FIRST_STEP * np.sqrt(regions.area[region].max(axis=1))
-    w, bound = measure(p_FC, region)
+    w, bound = _measured(regions, region, p_FC, p_BBcm, rho)
     twists = face_twists(regions, region, w[:, None], p_BBcm, rho)
-    failures = 0
+    step = FIRST_STEP * np.sqrt(regions.area[region].max(axis=1))
+    failures = np.zeros(len(region), dtype=np.int64)
+    rows = np.arange(len(region))
     for number in range(rounds):
-        moved = _climb(twists.support, polygons, p_FC, step[:, None] * SCALES, number)
-        found, moved_bound = measure(
-            moved.swapaxes(1, 2).reshape(-1, 3, 2), np.repeat(region, tried, axis=0)
-        )
-        w = found.reshape(len(rows), 1, -1, 6)
-        twists = twists.joined(face_twists(regions, region, w, p_BBcm, rho))
-        places = np.concatenate([p_FC[:, :, None], moved], axis=2)
-        height = twists.support(places).max(axis=1)
-        bounds = np.column_stack([bound, moved_bound.reshape(len(rows), tried)])
-        bounds = np.minimum(bounds, height.min(axis=2))
-        best = bounds.argmax(axis=1)
-        p_FC, bound, height = places[rows, :, best], bounds[rows, best], height[rows, best]
-        failures = 0 if best.any() else failures + 1
-        if failures == PATIENCE:
+        if number == ROUNDS_OF_ALL:
+            best = np.argsort(-bound[rows], kind="stable")[:finalists]
+            rows, twists = rows[best], twists.of_grasps(best)
+        if not len(rows):
             break
-        step = step * NEXT_STEP[best]
-        if height.shape[1] > REMEMBERED:
-            twists = twists.take(np.argpartition(height, REMEMBERED, axis=1)[:, :REMEMBERED])
+        steps = step[rows, None] * SCALES
+        moved = _climb(twists.support, polygons[rows], p_FC[rows], steps, number)
+        w, moved_bound = _measured(
+            regions,
+            np.repeat(region[rows], len(SCALES), axis=0),
+            moved.swapaxes(1, 2).reshape(-1, 3, 2),
+            p_BBcm,
+            rho,
+        )
+        w = w.reshape(len(rows), 1, -1, 6)
+        twists = twists.joined(face_twists(regions, region[rows], w, p_BBcm, rho))
+        places = np.concatenate([p_FC[rows, :, None], moved], axis=2)
+        height = twists.support(places).max(axis=1)
+        bounds = np.column_stack([bound[rows], moved_bound.reshape(steps.shape)])
+        bounds = np.minimum(bounds, height.min(axis=2))
+        best = np.where(bounds > (1 + LEAST_RISE) * bounds[:, :1], bounds, 0.0).argmax(axis=1)
+        each = np.arange(len(rows))
+        p_FC[rows], bound[rows] = places[each, :, best], bounds[each, best]
+        step[rows] *= NEXT_STEP[best]
+        failures[rows] = np.where(best > 0, 0, failures[rows] + 1)
+        weakest = height[each, best].argsort(axis=1, kind="stable")[:, :REMEMBERED]
+        goes_on = np.flatnonzero(failures[rows] < PATIENCE)
+        rows, twists = rows[goes_on], twists.take(weakest).of_grasps(goes_on)
     return points_on(regions, region, p_FC), bound
+
+
+def _measured(
+    regions: Regions, region: Ints, p_FC: Array, p_BBcm: Array, rho: float
+) -> tuple[Array, Array]:
+    """The weakest directions of grasps, shape (M, K, 6), and their bounds, shape (M,)."""
+    contacts = points_on(regions, region, p_FC), regions.nhat_TB_B[region], regions.mu[region]
+    w, bound = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS)
+    # Of contacts that cannot hold, the bound says nothing.
+    return w, np.where(force_closure(*contacts), bound, 0.0)
 
 
 def _climb(

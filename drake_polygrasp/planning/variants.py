@@ -17,7 +17,7 @@ from drake_polygrasp.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
-from drake_polygrasp.planning.search import Triples, joined, set_numbers
+from drake_polygrasp.planning.search import Triples, set_numbers
 from drake_polygrasp.wrench import force_closure
 
 SPREADS = (0.5, 0.9)
@@ -29,11 +29,10 @@ STARTS = 12
 """Triples that are improved, ours."""
 PLACES = 2
 """Of them at most so many on one set of regions, ours: the next best are often the same place."""
-ROUNDS = 2
-"""Of improvement for all starts, ours."""
 FINALISTS = 4
 """Triples that are improved to the end, ours."""
-FINAL_ROUNDS = 6
+ROUNDS = 8
+"""Of improvement, ours."""
 EQUAL_BOUND = 1e-9
 """Relative, ours: bounds nearer than this are a tie."""
 
@@ -62,11 +61,8 @@ def improved_triples(regions: Regions, starts: Triples, p_BBcm: Array, rho: floa
     starts = starts.take(best_places(regions, starts, p_BBcm, rho, STARTS, PLACES))
     if not len(starts.region):
         return starts
-    p_BC, bound = improved(regions, starts.region, starts.p_BC, p_BBcm, rho, ROUNDS)
-    all_moved = Triples(starts.region, p_BC)
-    finalists = all_moved.take(best_first(bound)[:FINALISTS])
-    p_BC, _ = improved(regions, finalists.region, finalists.p_BC, p_BBcm, rho, FINAL_ROUNDS)
-    return joined(Triples(finalists.region, p_BC), all_moved)
+    p_BC, _ = improved(regions, starts.region, starts.p_BC, p_BBcm, rho, ROUNDS, FINALISTS)
+    return Triples(starts.region, p_BC)
 
 
 def usable(regions: Regions, triples: Triples) -> Ints:
