@@ -30,7 +30,13 @@ from drake_polygrasp.planning.search import (
     sets_of,
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
-from drake_polygrasp.planning.variants import Steps, improved_triples, place_in_set, usable
+from drake_polygrasp.planning.variants import (
+    Steps,
+    best_first,
+    improved_triples,
+    place_in_set,
+    usable,
+)
 from drake_polygrasp.task import Task, make_task, rows_of
 
 Rank = Literal["epsilon", "margin", "Q"]
@@ -43,9 +49,8 @@ MANY_REGIONS = 24
 CHOSEN_SETS = 100
 """How many sets the search then chooses, ours."""
 POINTS_A_REGION = 1.3
-"""Sample points where there are many regions, ours."""
-MANY_POINTS = 100
-SPARE = 5
+"""Sample points where there are many regions, ours, if that is more than POINTS."""
+SPARE = 2
 """Sets proved beyond those wanted, for bounds of epsilon do not quite rank as epsilon, ours."""
 
 
@@ -215,7 +220,7 @@ def _enriched(task: Task, steps: Steps) -> Contenders:
     clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
     none = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
     if steps.search and len(regions.face) > MANY_REGIONS:
-        num_points = max(MANY_POINTS, int(POINTS_A_REGION * len(regions.face)))
+        num_points = max(POINTS, int(POINTS_A_REGION * len(regions.face)))
         found = best_triples(clear, none, *scale, num_points)
         first = first_of_each_set(found.region)[:CHOSEN_SETS]
         found, plan = found.take(first), task.plan(steps, sets_of(found.region[first]))
@@ -233,7 +238,7 @@ def _known(regions: Regions, plan: SetPlan) -> Triples:
     """The constructions that are usable, best Q first."""
     rows = plan.candidates
     rows = rows.take(has_contacts(rows.p_BC))
-    known = Triples(rows.region, rows.p_BC).take(np.argsort(-rows.Q, kind="stable"))
+    known = Triples(rows.region, rows.p_BC).take(best_first(rows.Q))
     return known.take(usable(regions, known))
 
 

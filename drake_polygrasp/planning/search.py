@@ -26,9 +26,12 @@ POINTS = 100
 """Sample points on objects of few regions, ours."""
 MOST_POINTS = 1200
 """Ours: 3e8 triples, some seconds; of more regions the largest are sampled."""
-PASSES = 2
-"""Ours: the second pass uses the directions that the first one's winners resist least."""
-MOST_PASSES = 4
+STRIDES = (4, 2, 1)
+"""Each pass searches every so many of the points, ours: those before it cost little, and tell it
+the directions that their winners resist least."""
+MANY_POINTS = 160
+"""Ours: of fewer points the first pass would see too few."""
+MOST_PASSES = 5
 """Ours, where none of the triples holds yet, as on flat objects that lie on a table."""
 SOURCES = 24
 """Grasps whose weakest directions are taken in each pass, ours."""
@@ -91,13 +94,15 @@ def best_triples(
     cones = frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
     if not len(known.region):
         known = _drawn(regions, region, p_BC)
+    strides = STRIDES[len(region) < MANY_POINTS :]
     w, found = np.empty((0, 6)), known.take(np.arange(0))
     sources = known.take(np.arange(min(SOURCES, len(known.region))))
     for number in range(MOST_PASSES):
-        if number >= PASSES and len(found.region):
+        if number >= len(strides) and len(found.region):
             break
         w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
-        rows = cover(_support(cones, w), max(KEPT, len(region)))
+        some = np.arange(0, len(region), strides[min(number, len(strides) - 1)])
+        rows = some[cover(_support(cones[some], w), max(KEPT, len(some)))]
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
         holds, slips = (
