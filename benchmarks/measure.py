@@ -91,11 +91,15 @@ def peak_memory() -> float:
 def peers(file: Path, mu: float | None, repeat: int) -> Any:
     """Random and antipodal search, each the fastest of some runs."""
     object_ = load_object(file, mu=mu)
-    draws: dict[str, Draw] = {"random": random_triples, "antipodal": antipodal_triples}
+    draws: dict[str, tuple[Draw, int]] = {
+        "random": (random_triples, NUM_TRIPLES),
+        "random_x4": (random_triples, 4 * NUM_TRIPLES),
+        "antipodal": (antipodal_triples, NUM_TRIPLES),
+    }
     results: dict[str, Any] = {}
-    for name, draw in draws.items():
+    for name, (draw, num) in draws.items():
         search(object_, draw, num=50)  # first calls are not timed
-        runs = [search(object_, draw) for _ in range(repeat)]
+        runs = [search(object_, draw, num) for _ in range(repeat)]
         results[name] = min(runs, key=lambda run: run["seconds"]["total"])
     return results
 

@@ -13,8 +13,9 @@ from drake_polygrasp.arrays import Array
 
 Results = list[dict[str, Any]]
 
-PEERS = ("random", "antipodal", "paper", "best")
-_ROW = "{:<20}{:>6}{:>8}{:>9}{:>9}{:>7}{:>9}{:>11}{:>10}{:>10}{:>9}{:>9}"
+PEERS = ("random", "random_x4", "antipodal", "paper", "best")
+TIMED = ("random", "random_x4")
+_ROW = "{:<20}{:>6}{:>8}{:>9}{:>9}{:>7}{:>9}{:>9}{:>9}{:>10}{:>8}{:>8}{:>10}"
 HEADER = _ROW.format(
     "object",
     "faces",
@@ -24,12 +25,13 @@ HEADER = _ROW.format(
     "MB",
     "epsilon",
     "/random",
+    "/rnd x4",
     "/antipod",
     "/paper",
     "/best",
     "t/random",
 )
-_KIND = "{:<16}{:>4}  {:<10}{:>8}{:>8}{:>8}{:>9}"
+_KIND = "{:<16}{:>4}  {:<12}{:>8}{:>8}{:>8}{:>9}"
 
 
 def value(result: dict[str, Any], *path: str) -> float:
@@ -48,9 +50,9 @@ def ratio(result: dict[str, Any], peer: str) -> float:
     return value(result, "ours", "epsilon") / theirs if theirs > 0 else float("nan")
 
 
-def time_ratio(result: dict[str, Any]) -> float:
-    """Our seconds to plan ten grasps over the random search's for its one."""
-    return value(result, "ours", "seconds", "plan") / value(result, "random", "seconds", "total")
+def time_ratio(result: dict[str, Any], peer: str = "random") -> float:
+    """Our seconds to plan ten grasps over a random search's for its one."""
+    return value(result, "ours", "seconds", "plan") / value(result, peer, "seconds", "total")
 
 
 def row(result: dict[str, Any]) -> str:
@@ -89,19 +91,20 @@ def kinds_table(results: Results) -> str:
                 share = f"{100 * (ratios >= 1).mean():.0f} %"
                 numbers = (f"{r:.3f}" for r in spread)
                 lines.append(_KIND.format(kind, len(ratios), peer, *numbers, share))
-        times = _known(time_ratio(result) for result in members)
-        if len(times):
-            slow = (np.median(times), np.percentile(times, 98), times.max())
-            numbers = (f"{t:.2f}" for t in slow)
-            share = f"{100 * (times >= 1).mean():.0f} %"
-            lines.append(_KIND.format(kind, len(times), "t(random)", *numbers, share))
-    return "\n".join([*lines, "(t(random): seconds; median, 98th percentile, most)", ""])
+        for peer in TIMED:
+            times = _known(time_ratio(result, peer) for result in members)
+            if len(times):
+                slow = (np.median(times), np.percentile(times, 98), times.max())
+                numbers = (f"{t:.2f}" for t in slow)
+                share = f"{100 * (times >= 1).mean():.0f} %"
+                lines.append(_KIND.format(kind, len(times), f"t({peer})", *numbers, share))
+    return "\n".join([*lines, "(t(...): of seconds; median, 98th percentile, most)", ""])
 
 
 def stages_table(results: Results) -> str:
     """Medians of what the peers' seconds went to."""
     lines = []
-    for peer in ("random", "antipodal"):
+    for peer in (*TIMED, "antipodal"):
         runs = [result[peer]["seconds"] for result in results if "seconds" in result.get(peer, ())]
         if runs:
             medians = (f"{s} {np.median([run[s] for run in runs]):.4f}" for s in runs[0])

@@ -155,7 +155,8 @@ def _rim_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> Array:
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
     t = np.stack([-b - root, -b + root], axis=2) / np.where(np.abs(a) < _TINY, _TINY, a)[..., None]
     twists = moved[3:, :, :, None] + t * linear[3:, :, :, 4, None, None]
-    return twists.reshape(6, M, 2 * num_orders * num_turns).swapaxes(0, 1)
+    flat: Array = twists.reshape(6, M, 2 * num_orders * num_turns)
+    return flat.swapaxes(0, 1)
 
 
 def _radii(cones: Array, w: Array) -> Array:

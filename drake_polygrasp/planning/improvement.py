@@ -3,8 +3,9 @@
 Section 7 puts contacts where forces balance simply, not where the grasp resists most. Each grasp
 remembers the directions w in which it, or a grasp near it, was weakest; the least h over these is
 a surrogate of epsilon that moves of contacts are tried against, all three at once (a pattern
-search). What looks best is measured anew, which adds its own weakest directions, and kept only if
-the measured bound rose: as in a method of cutting planes, no error of the surrogate lasts.
+search). What looks best by steps of three lengths is measured anew, which adds its own weakest
+directions, and kept only if the measured bound rose: as in a method of cutting planes, no error
+of the surrogate lasts, and a step that is too long for it costs no round.
 """
 
 from __future__ import annotations
