@@ -22,11 +22,11 @@ from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method, SetPlan, has_contacts
 from drake_polygrasp.planning.search import (
-    POINTS,
     Triples,
     best_triples,
     first_of_each_set,
     joined,
+    num_points,
     sets_of,
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
@@ -48,8 +48,6 @@ MANY_REGIONS = 24
 """Ours: of more, only the sets that the search finds go through the paper's stages."""
 CHOSEN_SETS = 100
 """How many sets the search then chooses, ours."""
-POINTS_A_REGION = 1.3
-"""Sample points where there are many regions, ours, if that is more than POINTS."""
 SPARE = 2
 """Sets proved beyond those wanted, for bounds of epsilon do not quite rank as epsilon, ours."""
 
@@ -220,15 +218,14 @@ def _enriched(task: Task, steps: Steps) -> Contenders:
     clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
     none = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
     if steps.search and len(regions.face) > MANY_REGIONS:
-        num_points = max(POINTS, int(POINTS_A_REGION * len(regions.face)))
-        found = best_triples(clear, none, *scale, num_points)
+        found = best_triples(clear, none, *scale, num_points(len(regions.face)))
         first = first_of_each_set(found.region)[:CHOSEN_SETS]
         found, plan = found.take(first), task.plan(steps, sets_of(found.region[first]))
         known = _known(clear, plan)
     else:
         plan = task.plan(steps)
         known = _known(clear, plan)
-        found = best_triples(clear, known, *scale, POINTS) if steps.search else none
+        found = best_triples(clear, known, *scale) if steps.search else none
     triples = joined(known, found)
     better = improved_triples(clear, triples, *scale) if steps.improve else found
     return contenders(task, plan, better)

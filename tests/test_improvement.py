@@ -13,7 +13,7 @@ from drake_polygrasp.epsilon_bound import critical_directions, epsilon_upper_bou
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.face_support import points_in_faces
-from drake_polygrasp.planning.improvement import improved
+from drake_polygrasp.planning.improvement import ROUNDS_OF_ALL, improved
 from drake_polygrasp.planning.outcome import has_contacts
 from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.search import Triples, set_numbers
@@ -90,6 +90,19 @@ def test_no_rounds_change_nothing() -> None:
     regions, starts = constructed(OBJECTS["cube"])
     p_BC, _ = improved(regions, starts.region, starts.p_BC, np.full(3, 0.03), 0.05, 0)
     assert p_BC == pytest.approx(starts.p_BC)
+
+
+def test_only_finalists_go_on_and_they_are_the_best_so_far() -> None:
+    object_ = OBJECTS["tangent polyhedron"]
+    regions, starts = constructed(object_)
+    arguments = regions, starts.region, starts.p_BC, object_.p_BBcm, object_.rho
+    p_BC, bound = improved(*arguments, ROUNDS_OF_ALL)
+    p_BC_later, later = improved(*arguments, ROUNDS_OF_ALL + 6, 3)
+    went_on = (p_BC_later != p_BC).any(axis=(1, 2))
+    assert 0 < went_on.sum() <= 3
+    assert (later[went_on] > bound[went_on]).all()
+    assert bound[went_on].min() >= np.sort(bound)[-3]
+    assert later[~went_on] == pytest.approx(bound[~went_on])
 
 
 def test_improvement_moves_with_the_object() -> None:

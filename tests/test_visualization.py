@@ -149,15 +149,16 @@ def test_patches_of_a_curved_surface_are_numbered_only_where_they_are_touched() 
     assert "/mine/object/edges" not in recorder.paths
 
 
-@pytest.mark.parametrize(("count", "numbers"), [(FEW, FEW), (FEW + 1, 2)])
-def test_faces_are_numbered_where_they_are_few_or_touched(count: int, numbers: int) -> None:
+@pytest.mark.parametrize("count", [FEW, FEW + 1])
+def test_faces_are_numbered_where_they_are_few_or_touched(count: int) -> None:
     object_, grasps = planned("l_bracket")
-    assert len(set(grasps[0].grasp.faces)) == 2
+    touched = len(set(grasps[0].grasp.faces))
     faces = (object_.polyhedron.faces * count)[:count]
     many = replace(object_, polyhedron=replace(object_.polyhedron, faces=faces))
     recorder = Recorder()
     draw_grasps(recorder, many, grasps[:1], path="/mine")  # type: ignore[arg-type]
-    assert sum("number" in path for path in recorder.meshes) == numbers
+    numbers = sum("number" in path for path in recorder.meshes)
+    assert numbers == (count if count == FEW else touched)
 
 
 def test_the_page_of_a_scan_is_small(tmp_path: Path) -> None:

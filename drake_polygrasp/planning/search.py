@@ -24,6 +24,10 @@ from drake_polygrasp.wrench import force_closure, frame_wrenches
 
 POINTS = 100
 """Sample points on objects of few regions, ours."""
+POINTS_A_REGION, SOME_POINTS = 2.5, 250
+"""Of more regions so many each, up to so many in all, ours."""
+LEAST_A_REGION = 1.3
+"""Ours, where that is more than `SOME_POINTS`."""
 MOST_POINTS = 1200
 """Ours: 3e8 triples, some seconds; of more regions the largest are sampled."""
 STRIDES = (4, 2, 1)
@@ -72,7 +76,7 @@ def joined(first: Triples, second: Triples) -> Triples:
 
 
 def best_triples(
-    regions: Regions, known: Triples, p_BBcm: Array, rho: float, num_points: int = POINTS
+    regions: Regions, known: Triples, p_BBcm: Array, rho: float, num: int = POINTS
 ) -> Triples:
     """The triples of sample points that the weakest directions of grasps bound least.
 
@@ -81,13 +85,13 @@ def best_triples(
         known: some grasps that hold, best first; where there is none, random ones are drawn.
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
-        num_points: how many points to sample, at least one in each region.
+        num: how many points to sample, at least one in each region.
 
     Returns:
         Triples that are force closure, at most as many as points or `KEPT` from each pass, those
         of the last one first.
     """
-    region, p_FC = sample_points(regions, num_points)
+    region, p_FC = sample_points(regions, num)
     if len(region) < 3:
         return known.take(np.arange(0))
     p_BC = points_on(regions, region, p_FC)
@@ -112,6 +116,12 @@ def best_triples(
         found = joined(holds, found)
         sources = joined(_first_of_sets(holds, SOURCES), _first_of_sets(slips, SOURCES))
     return found
+
+
+def num_points(num_regions: int) -> int:
+    """How many points to sample on so many regions."""
+    some = min(int(POINTS_A_REGION * num_regions), SOME_POINTS)
+    return max(POINTS, some, int(LEAST_A_REGION * num_regions))
 
 
 def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
