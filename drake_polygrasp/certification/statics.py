@@ -20,7 +20,7 @@ from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.optimization import StaticEquilibriumProblem
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant, MultibodyPlant_
 from pydrake.multibody.tree import MultibodyForces
-from pydrake.solvers import SnoptSolver, SolverOptions
+from pydrake.solvers import SnoptSolver, SolutionResult, SolverOptions
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_polygrasp.arrays import Array, frozen
@@ -147,6 +147,10 @@ class _EquilibriumSolver:
         start[: len(q)] = q_0
         start[len(q) : len(q) + 9] = -guess.ravel()
         result = SnoptSolver().Solve(program, start, self._options)
+        if result.get_solution_result() == SolutionResult.kIterationLimit:
+            # It crawls along a friction cone; afresh, it is there in a few steps.
+            reached = result.GetSolution(program.decision_variables())
+            result = SnoptSolver().Solve(program, reached, self._options)
         if not result.is_success():
             return np.empty((0, 3)), np.empty((0, 3))
         wrenches = problem.GetContactWrenchSolution(result)
