@@ -41,6 +41,8 @@ SOURCES = 24
 """Grasps whose weakest directions are taken in each pass, ours."""
 KEPT = 400
 """Triples kept in each pass at least, ours; of many points, as many."""
+OUTLINE = 0.05
+"""Times the distance of points, ours: regions of scans have corners that are none."""
 ENOUGH = 0.75
 """Of the triples wanted, ours: for fewer the search is repeated with a lower threshold."""
 DRAWN = 3000
@@ -144,8 +146,10 @@ def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
     wide = shapely.area(level) > (0.7 * spacing) ** 2
     while wide.any():
         level, row = level[wide], row[wide]
-        rings, owner = _rings(shapely.segmentize(level, spacing))
-        found.append((row[owner], rings))
+        outline = shapely.simplify(level, OUTLINE * spacing)
+        rings, owner = _rings(shapely.segmentize(outline, spacing))
+        links = shapely.shortest_line(level[owner], shapely.points(rings))
+        found.append((row[owner], shapely.get_coordinates(links)[::2]))
         level = shapely.buffer(level, -spacing, join_style="mitre")
         wide = ~shapely.is_empty(level)
     region, p_FC = zip(*found, strict=True)
