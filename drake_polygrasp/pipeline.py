@@ -21,12 +21,12 @@ from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method, SetPlan, has_contacts
+from drake_polygrasp.planning.sample_points import num_points
 from drake_polygrasp.planning.search import (
     Triples,
     best_triples,
     first_of_each_set,
     joined,
-    num_points,
     sets_of,
 )
 from drake_polygrasp.planning.tip_room import with_tip_room

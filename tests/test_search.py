@@ -17,16 +17,16 @@ from drake_polygrasp.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.geometry.seating import tip_fits
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning import search
+from drake_polygrasp.planning import search, set_cover
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
+from drake_polygrasp.planning.sample_points import POINTS, sample_points
 from drake_polygrasp.planning.search import (
     Triples,
     best_triples,
-    cover,
     first_of_each_set,
-    sample_points,
     sets_of,
 )
+from drake_polygrasp.planning.set_cover import cover
 from drake_polygrasp.planning.tip_room import with_tip_room
 from drake_polygrasp.wrench import cone_wrenches, force_closure, support
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, shells
@@ -54,8 +54,8 @@ def test_the_cover_finds_what_comparing_all_triples_finds(seed: int, num_directi
 def test_raising_the_threshold_on_the_way_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     h = np.random.default_rng(1).normal(size=(40, 100))
     everything = np.array(list(combinations(range(40), 3)))
-    monkeypatch.setattr(search, "_BLOCK", 10)
-    monkeypatch.setattr(search, "_thresholds", lambda *_: [-10.0])
+    monkeypatch.setattr(set_cover, "_BLOCK", 10)
+    monkeypatch.setattr(set_cover, "_thresholds", lambda *_: [-10.0])
     assert heights(h, cover(h, 25)) == pytest.approx(np.sort(heights(h, everything))[::-1][:25])
 
 
@@ -106,7 +106,7 @@ def test_triples_hold_and_beat_random_ones_of_the_same_points(object_: GraspObje
 
     found = best_triples(regions, NONE, *scale)
     assert (bounds(found) > 0).all()
-    region, p_FC = sample_points(regions, search.POINTS)
+    region, p_FC = sample_points(regions, POINTS)
     rows = np.random.default_rng(5).integers(0, len(region), (2000, 3))
     drawn = Triples(region[rows], points_on(regions, region, p_FC)[rows])
     assert bounds(found).max() >= 0.97 * bounds(drawn).max()

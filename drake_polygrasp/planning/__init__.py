@@ -13,7 +13,9 @@
 | 4-7 | the flow chart | planner.py | plan_sets | test_reference_planner.py |
 | 4-7 | what becomes of a set | outcome.py | REASONS, SetPlan | test_reference_planner.py |
 | beyond | which steps, and which grasps they start from | variants.py | Steps, improved_triples | test_improvement.py |
-| beyond | triples of sample points, however many | search.py | best_triples | test_search.py |
+| beyond | points on faces | sample_points.py | sample_points | test_search.py |
+| beyond | triples of them, however many | search.py | best_triples | test_search.py |
+| beyond | three that reach highest in all directions | set_cover.py | cover | test_search.py |
 | beyond | contacts that move while epsilon rises | improvement.py | improved | test_improvement.py |
 | beyond | h(w) as a function of places on faces | face_support.py | face_twists | test_search.py |
 | beyond | how near to the best grasp there is | optimum.py | bound_optimum | test_gap.py |

@@ -1,0 +1,78 @@
+"""Beyond the paper: points on regions, to look for contacts among."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.geometry.polyhedron import Regions
+
+POINTS = 100
+"""Sample points on objects of few regions, ours."""
+POINTS_A_REGION, SOME_POINTS = 2.5, 250
+"""Of more regions so many each, up to so many in all, ours."""
+LEAST_A_REGION = 1.3
+"""Ours, where that is more than `SOME_POINTS`."""
+MOST_POINTS = 1200
+"""Ours: 3e8 triples, some seconds; of more regions the largest are sampled."""
+OUTLINE = 0.05
+"""Times the distance of points, ours: regions of scans have corners that are none."""
+
+
+def num_points(num_regions: int) -> int:
+    """How many points to sample on so many regions."""
+    some = min(int(POINTS_A_REGION * num_regions), SOME_POINTS)
+    return max(POINTS, some, int(LEAST_A_REGION * num_regions))
+
+
+def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
+    """A point in the middle of each region and others on rings, equally far apart.
+
+    The best contacts are often at a region's corners, which the outermost ring includes.
+
+    Returns:
+        Region, shape (N,), and coordinates in the face's frame [m], shape (N, 2).
+    """
+    filled = np.flatnonzero(~shapely.is_empty(regions.polygon_F))
+    largest = np.argsort(-regions.area[filled], kind="stable")[:MOST_POINTS]
+    row = filled[np.sort(largest)]
+    level = regions.polygon_F[row]
+    spacing = _spacing(level, num)
+    middle = shapely.centroid(level)
+    inside = shapely.intersects(level, middle)
+    middle = np.where(inside, middle, shapely.point_on_surface(level))
+    found = [(row, shapely.get_coordinates(middle))]
+    wide = shapely.area(level) > (0.7 * spacing) ** 2
+    while wide.any():
+        level, row = level[wide], row[wide]
+        outline = shapely.simplify(level, OUTLINE * spacing)
+        rings, owner = _rings(shapely.segmentize(outline, spacing))
+        links = shapely.shortest_line(level[owner], shapely.points(rings))
+        found.append((row[owner], shapely.get_coordinates(links)[::2]))
+        level = shapely.buffer(level, -spacing, join_style="mitre")
+        wide = ~shapely.is_empty(level)
+    region, p_FC = zip(*found, strict=True)
+    return np.concatenate(region), np.concatenate(p_FC)
+
+
+def _spacing(polygons: npt.NDArray[np.object_], num: int) -> float:
+    """The distance between points that gives about `num` of them [m]."""
+    area, length = shapely.area(polygons), shapely.length(polygons)
+    low, high = 1e-4 * np.sqrt(area.sum()), 10 * np.sqrt(area.sum())
+    for _ in range(40):
+        middle = np.sqrt(low * high)
+        wide = area > (0.7 * middle) ** 2
+        count = len(area) + np.where(wide, length / middle + area / middle**2, 0.0).sum()
+        low, high = (middle, high) if count > num else (low, middle)
+    return float(high)
+
+
+def _rings(polygons: npt.NDArray[np.object_]) -> tuple[Array, Ints]:
+    """The vertices of all rings, each once, shape (V, 2), and whose they are, shape (V,)."""
+    parts, part_owner = shapely.get_parts(polygons, return_index=True)
+    rings, ring_part = shapely.get_rings(parts, return_index=True)
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    repeated = np.append(ring[1:] != ring[:-1], True)
+    return points[~repeated], part_owner[ring_part[ring[~repeated]]]
