@@ -18,6 +18,7 @@ from drake_polygrasp.certification.convex import find_internal_forces, friction_
 from drake_polygrasp.certification.wrench_space import (
     GRAVITY,
     RELATIVE_GAP,
+    Interval,
     epsilon_interval,
     friction_tolerance,
     placement_tolerance,
@@ -34,10 +35,9 @@ ROUNDING = 1e-9
 """Ours, relative: what the order of additions changes in a closed form."""
 QHULL_ROUNDING = 1e-6
 """Ours, relative: what the rounding of hulls changes in a bound."""
-FINE_GAP = 0.001
-"""Ours: where the usual bounds do not bear a number out, bounds twenty times closer may: rounding
-decides which of several equal facets is refined first, and it differs between machines; and which
-facets are refined differs between versions."""
+GAPS = (RELATIVE_GAP, 1e-3, 1e-5)
+"""Ours: where the usual bounds do not bear a number out, closer ones may: which facets are refined
+differs between versions and, by rounding, between machines, and a claim may be nearly exact."""
 PLANE_TOLERANCE = 1e-5
 """Ours, times rho: how far contacts may be off their grasp plane; faces are flat to 1e-6 L."""
 
@@ -70,16 +70,28 @@ def number_faults(stated: StatedGrasp, object_: StatedObject, clearance: float |
             placement tolerance; None where no face is known.
     """
     faults: list[str] = []
-    for relative_gap in (RELATIVE_GAP, FINE_GAP):
-        faults = list(_number_faults(stated, object_, clearance, relative_gap))
-        if not faults:
+    grasp, scale = stated.grasp, (object_.p_BBcm, object_.rho)
+    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
+    for relative_gap in GAPS:
+        epsilon = epsilon_interval(*contacts, *scale, relative_gap=relative_gap)
+        r_w = squeeze_interval(*contacts, *scale, relative_gap=relative_gap).lower
+        arguments = stated, object_, clearance, epsilon, r_w
+        faults = list(_number_faults(*arguments, QHULL_ROUNDING))
+        # What is off by more than the bounds are apart, closer ones do not mend.
+        if not faults or list(_number_faults(*arguments, 2 * relative_gap)):
             break
     return faults
 
 
 def _number_faults(
-    stated: StatedGrasp, object_: StatedObject, clearance: float | None, relative_gap: float
+    stated: StatedGrasp,
+    object_: StatedObject,
+    clearance: float | None,
+    epsilon: Interval,
+    r_w: float,
+    slack: float,
 ) -> Iterator[str]:
+    """Faults against bounds of epsilon and the lower one of r_w, by more than `slack`, relative."""
     grasp, claim = stated.grasp, stated.certificate
     p_BC, mu, p_BBcm, rho = grasp.p_BC, grasp.mu, object_.p_BBcm, object_.rho
     if not max(grasp.faces) < object_.num_faces:
@@ -95,21 +107,22 @@ def _number_faults(
     yield from _quality_faults(grasp.quality)
     margin = exact.attained_margin(*_contacts(grasp), claim.internal_force.tolist())
     yield from _excess("margin", claim.margin, margin, ROUNDING)
-    epsilon = epsilon_interval(p_BC, grasp.nhat_TB_B, mu, p_BBcm, rho, relative_gap=relative_gap)
     lower = epsilon.lower
-    yield from _excess("epsilon_lower", claim.epsilon_lower, lower, QHULL_ROUNDING)
+    yield from _excess("epsilon_lower", claim.epsilon_lower, lower, slack)
     # Wherever it was computed, an upper bound is within RELATIVE_GAP of epsilon.
-    yield from _excess("epsilon_upper", claim.epsilon_upper, epsilon.upper, 1.01 * RELATIVE_GAP)
-    yield from _lack("epsilon_upper", claim.epsilon_upper, lower, QHULL_ROUNDING)
+    within = 1.01 * RELATIVE_GAP + slack
+    yield from _excess("epsilon_upper", claim.epsilon_upper, epsilon.upper, within)
+    yield from _lack("epsilon_upper", claim.epsilon_upper, lower, slack)
     placement = placement_tolerance(lower, mu, rho, clearance)
-    yield from _excess("placement_tolerance", claim.placement_tolerance, placement, QHULL_ROUNDING)
+    yield from _excess("placement_tolerance", claim.placement_tolerance, placement, slack)
     tilt = tilt_tolerance(lower, p_BC, mu, p_BBcm, rho)
-    yield from _excess("tilt_tolerance", claim.tilt_tolerance, tilt, QHULL_ROUNDING)
+    yield from _excess("tilt_tolerance", claim.tilt_tolerance, tilt, slack)
     friction = friction_tolerance(lower, p_BC, mu, p_BBcm, rho)
-    yield from _excess("friction_tolerance", claim.friction_tolerance, friction, QHULL_ROUNDING)
+    yield from _excess("friction_tolerance", claim.friction_tolerance, friction, slack)
     if claim.squeeze_force is not None:
-        squeeze = _squeeze_force(stated, object_, relative_gap)
-        yield from _lack("squeeze_force", claim.squeeze_force, squeeze, QHULL_ROUNDING)
+        mass = object_.mass
+        squeeze = mass * GRAVITY / r_w if mass is not None and r_w > 0 else math.inf
+        yield from _lack("squeeze_force", claim.squeeze_force, squeeze, slack)
 
 
 def _excess(name: str, value: float | None, limit: float, rounding: float) -> Iterator[str]:
@@ -132,14 +145,6 @@ def _holds_plane(stated: StatedGrasp, tolerance: float) -> bool:
     height = (stated.grasp.p_BC - plane.p_BP) @ plane.nhat_B
     unit = abs(plane.nhat_B @ plane.nhat_B - 1) <= ROUNDING
     return bool(unit and (np.abs(height) <= tolerance).all())
-
-
-def _squeeze_force(stated: StatedGrasp, object_: StatedObject, relative_gap: float) -> float:
-    """What the weight needs in every orientation [N]; infinite for a mass that is not known."""
-    grasp = stated.grasp
-    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
-    r_w = squeeze_interval(*contacts, object_.p_BBcm, object_.rho, relative_gap=relative_gap).lower
-    return object_.mass * GRAVITY / r_w if object_.mass is not None and r_w > 0 else math.inf
 
 
 def _proves_mu_min(stated: StatedGrasp, mu_min: float) -> bool:

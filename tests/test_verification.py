@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.certification.certify import certify
+from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval, squeeze_interval
 from drake_polygrasp.errors import GraspFileError, ModelError
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 from drake_polygrasp.grasp_file import grasp_document, save_grasps
@@ -339,3 +341,24 @@ def test_a_number_of_any_size_in_any_place_is_answered(box: Path, size: float) -
 
         box.write_text(original)
         verify_file(edit(box, change))
+
+
+@pytest.mark.parametrize(("factor", "holds"), [(1.0, True), (0.9995, False)])
+def test_a_claim_may_be_as_close_as_it_is_true(tmp_path: Path, factor: float, holds: bool) -> None:
+    object_ = load_object(next(path for path in MODELS if path.stem == "cube"))
+    plan = plan_grasps(object_, top=1)
+    (found,) = plan.grasps
+    contacts = found.grasp.p_BC, found.grasp.nhat_TB_B, found.grasp.mu
+    scale = object_.p_BBcm, object_.rho
+    epsilon = epsilon_interval(*contacts, *scale, relative_gap=1e-5)
+    r_w = squeeze_interval(*contacts, *scale, relative_gap=1e-5).lower
+    assert object_.mass is not None
+    certificate = replace(
+        found.certificate,
+        epsilon_lower=epsilon.lower / factor,
+        epsilon_upper=epsilon.upper / factor,
+        squeeze_force=factor * object_.mass * GRAVITY / r_w,
+    )
+    grasps = [replace(found, certificate=certificate)]
+    save_grasps(tmp_path / "close.grasp.yaml", object_, grasps, plan.settings)
+    assert verify_file(tmp_path / "close.grasp.yaml").holds == holds
