@@ -6,7 +6,7 @@ Each object is loaded, planned and certified in a process of its own; another pr
 in other ways. epsilon is compared, a bound within half a percent. Peers:
 
     random      best of 5,000 triples drawn by area on the same eroded faces
-    random_x4   best of 20,000, which takes about as long as the planner
+    random_x4   best of 20,000 of them
     antipodal   best of 5,000 antipodal pairs with a third contact drawn by area
     paper       the paper's planner, its grasp of best Q
     best        best known: 50,000 random triples, then all winners improved by moving contacts

@@ -70,35 +70,24 @@ def number_faults(stated: StatedGrasp, object_: StatedObject, clearance: float |
             placement tolerance; None where no face is known.
     """
     faults: list[str] = []
-    grasp, scale = stated.grasp, (object_.p_BBcm, object_.rho)
-    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
     for relative_gap in GAPS:
-        epsilon = epsilon_interval(*contacts, *scale, relative_gap=relative_gap)
-        r_w = squeeze_interval(*contacts, *scale, relative_gap=relative_gap).lower
-        arguments = stated, object_, clearance, epsilon, r_w
-        faults = list(_number_faults(*arguments, QHULL_ROUNDING))
+        bounds = _bounds(stated, object_, relative_gap)
+        faults = list(_bound_faults(stated, object_, clearance, *bounds, QHULL_ROUNDING))
         # What is off by more than the bounds are apart, closer ones do not mend.
-        if not faults or list(_number_faults(*arguments, 2 * relative_gap)):
+        lasting = _bound_faults(stated, object_, clearance, *bounds, 2 * relative_gap)
+        if not faults or any(lasting):
             break
-    return faults
+    return [*_plain_faults(stated, object_), *faults]
 
 
-def _number_faults(
-    stated: StatedGrasp,
-    object_: StatedObject,
-    clearance: float | None,
-    epsilon: Interval,
-    r_w: float,
-    slack: float,
-) -> Iterator[str]:
-    """Faults against bounds of epsilon and the lower one of r_w, by more than `slack`, relative."""
+def _plain_faults(stated: StatedGrasp, object_: StatedObject) -> Iterator[str]:
+    """Faults that no bound decides."""
     grasp, claim = stated.grasp, stated.certificate
-    p_BC, mu, p_BBcm, rho = grasp.p_BC, grasp.mu, object_.p_BBcm, object_.rho
     if not max(grasp.faces) < object_.num_faces:
         yield f"faces names face {max(grasp.faces)}, and there are {object_.num_faces} from 0"
     if (grasp.kind == "two_faces") != (len(set(grasp.faces)) == 2):
         yield f"kind is {grasp.kind}, which the contacts' faces {list(grasp.faces)} are not"
-    if not _holds_plane(stated, PLANE_TOLERANCE * rho):
+    if not _holds_plane(stated, PLANE_TOLERANCE * object_.rho):
         yield "the contacts are not in the grasp plane"
     if claim.mu_min is not None and not _proves_mu_min(stated, claim.mu_min):
         yield f"mu_min is {claim.mu_min:.6g}, which no internal force proves"
@@ -107,10 +96,35 @@ def _number_faults(
     yield from _quality_faults(grasp.quality)
     margin = exact.attained_margin(*_contacts(grasp), claim.internal_force.tolist())
     yield from _excess("margin", claim.margin, margin, ROUNDING)
-    lower = epsilon.lower
+
+
+def _bounds(
+    stated: StatedGrasp, object_: StatedObject, relative_gap: float
+) -> tuple[Interval, float]:
+    """epsilon, and the force [N] that the weight needs; infinite where that is not known."""
+    grasp, mass = stated.grasp, object_.mass
+    arguments = grasp.p_BC, grasp.nhat_TB_B, grasp.mu, object_.p_BBcm, object_.rho
+    epsilon = epsilon_interval(*arguments, relative_gap=relative_gap)
+    if mass is None or stated.certificate.squeeze_force is None:
+        return epsilon, math.inf
+    r_w = squeeze_interval(*arguments, relative_gap=relative_gap).lower
+    return epsilon, mass * GRAVITY / r_w if r_w > 0 else math.inf
+
+
+def _bound_faults(
+    stated: StatedGrasp,
+    object_: StatedObject,
+    clearance: float | None,
+    epsilon: Interval,
+    squeeze: float,
+    slack: float,
+) -> Iterator[str]:
+    """What flatters the grasp against bounds, by more than `slack`, relative."""
+    claim, lower = stated.certificate, epsilon.lower
+    p_BC, mu, p_BBcm, rho = stated.grasp.p_BC, stated.grasp.mu, object_.p_BBcm, object_.rho
     yield from _excess("epsilon_lower", claim.epsilon_lower, lower, slack)
     # Wherever it was computed, an upper bound is within RELATIVE_GAP of epsilon.
-    within = 1.01 * RELATIVE_GAP + slack
+    within = max(1.01 * RELATIVE_GAP, slack)
     yield from _excess("epsilon_upper", claim.epsilon_upper, epsilon.upper, within)
     yield from _lack("epsilon_upper", claim.epsilon_upper, lower, slack)
     placement = placement_tolerance(lower, mu, rho, clearance)
@@ -119,10 +133,7 @@ def _number_faults(
     yield from _excess("tilt_tolerance", claim.tilt_tolerance, tilt, slack)
     friction = friction_tolerance(lower, p_BC, mu, p_BBcm, rho)
     yield from _excess("friction_tolerance", claim.friction_tolerance, friction, slack)
-    if claim.squeeze_force is not None:
-        mass = object_.mass
-        squeeze = mass * GRAVITY / r_w if mass is not None and r_w > 0 else math.inf
-        yield from _lack("squeeze_force", claim.squeeze_force, squeeze, slack)
+    yield from _lack("squeeze_force", claim.squeeze_force, squeeze, slack)
 
 
 def _excess(name: str, value: float | None, limit: float, rounding: float) -> Iterator[str]:

@@ -25,6 +25,7 @@ from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import pairs, triples
 from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method, SetPlan
 from drake_polygrasp.planning.planner import plan_sets
+from drake_polygrasp.planning.search import set_keys
 from drake_polygrasp.planning.variants import Steps
 
 Codes = npt.NDArray[np.int8]
@@ -169,8 +170,8 @@ def _num_sets(num_regions: int) -> int:
 
 def rows_of(sets: Ints, wanted: Ints) -> Ints:
     """Where each wanted set is among the sets, which hold it."""
-    weights = (int(sets.max(initial=0)) + 2) ** np.arange(3)[::-1]
-    keys = (sets + 1) @ weights
+    greatest = int(sets.max(initial=0))
+    keys = set_keys(sets, greatest)
     order = np.argsort(keys, kind="stable")
-    rows: Ints = order[np.searchsorted(keys[order], (wanted + 1) @ weights)]
+    rows: Ints = order[np.searchsorted(keys[order], set_keys(wanted, greatest))]
     return rows

@@ -49,13 +49,18 @@ def plane_normal(p_BC: Array) -> Array:
     Its sign follows the order of the contacts; it is zero where all three are exactly collinear.
     """
     p, _ = contact_triangle(p_BC)
-    return unit(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))
+    return unit(_area(p))
 
 
 def non_collinear(p_BC: Array) -> Bools:
     """Whether the contacts span a triangle with room, shape (M,); needed for force closure."""
     p, longest = contact_triangle(p_BC)
-    return _has_room(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), longest)
+    return _has_room(_area(p), longest)
+
+
+def _area(p: Array) -> Array:
+    """Twice the area of triangles, along their normals."""
+    return cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
 
 
 def _has_room(area: Array, longest: Array) -> Bools:
@@ -115,7 +120,7 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
     plane through two of them and the origin has all others on one closed side.
     """
     p, longest = contact_triangle(p_BC)
-    area = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    area = _area(p)
     N = unit(area)
     sin_phi = dot(nhat_TB_B, N[:, None])
     cos_phi = np.sqrt(np.maximum(1.0 - sin_phi**2, 0.0))

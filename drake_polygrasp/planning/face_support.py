@@ -46,11 +46,11 @@ class FaceTwists:
             self.mu,
         )
 
-    def of_grasps(self, rows: Ints) -> FaceTwists:
+    def take(self, rows: Ints) -> FaceTwists:
         """The same for some of the rows."""
         return FaceTwists(self.v_F[rows], self.w_F[rows], self.mu[rows])
 
-    def take(self, directions: Ints) -> FaceTwists:
+    def only(self, directions: Ints) -> FaceTwists:
         """Some of the directions, the same for three faces each: (M, 3, K) and (M, J)."""
         rows = np.arange(len(directions))[:, None]
         return FaceTwists(

@@ -78,7 +78,7 @@ def improved(
     for number in range(rounds):
         if number == ROUNDS_OF_ALL:
             best = np.argsort(-bound[rows], kind="stable")[:finalists]
-            rows, twists = rows[best], twists.of_grasps(best)
+            rows, twists = rows[best], twists.take(best)
         if not len(rows):
             break
         steps = step[rows, None] * SCALES
@@ -103,7 +103,7 @@ def improved(
         failures[rows] = np.where(best > 0, 0, failures[rows] + 1)
         weakest = height[each, best].argsort(axis=1, kind="stable")[:, :REMEMBERED]
         goes_on = np.flatnonzero(failures[rows] < PATIENCE)
-        rows, twists = rows[goes_on], twists.take(weakest).of_grasps(goes_on)
+        rows, twists = rows[goes_on], twists.only(weakest).take(goes_on)
     return points_on(regions, region, p_FC), bound
 
 

@@ -140,10 +140,13 @@ def first_of_each_set(region: Ints) -> Ints:
 
 def set_numbers(region: Ints) -> Ints:
     """A number for each row's set of regions, equal for equal sets, (M, 3) to (M,)."""
-    i, j, k = sets_of(region).T
-    num = region.max(initial=0) + 2
-    numbers: Ints = (i * num + j) * num + k
-    return numbers
+    return set_keys(sets_of(region), int(region.max(initial=0)))
+
+
+def set_keys(sets: Ints, greatest: int) -> Ints:
+    """A number for each set of regions -1 to `greatest`, in the sets' order, (M, 3) to (M,)."""
+    keys: Ints = (sets + 1) @ (greatest + 2) ** np.arange(3)[::-1]
+    return keys
 
 
 def sets_of(region: Ints) -> Ints:
