@@ -7,6 +7,7 @@
 | 4.1, 4.2 | faces that face each other by position | position.py | region_rl, strip_rs, parallel_faces_meet, two_faces_meet | test_position.py |
 | 5 | plane Pi_p of three faces | grasp_plane.py | nonparallel_planes, parallel_directions | test_grasp_plane.py |
 | 5 | plane Pi_p of two faces | two_faces.py | choices, two_face_planes | test_grasp_plane.py |
+| 4.1, 5, 6 | strips, and hulls within them | strips.py | strips_meet, hulls_in_strips | test_position.py |
 | 6 | segments a_i and region P | region_p.py | cut_nonparallel, cut_parallel, cut_two_faces | test_region_p.py |
 | 6 | quality Q, eq. 5-10 | quality.py | q_positions, q_orientation, q_directions | test_quality.py |
 | 7 | contact points | contact_points.py | nonparallel_contacts, opposed_contacts | test_contact_points.py |
