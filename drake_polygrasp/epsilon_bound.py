@@ -7,6 +7,7 @@ epsilon from below too.
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.vectors import cross, dot, unit
 from drake_polygrasp.wrench import contact_frames, frame_wrenches, plane_normal
 
-_CHUNK = 64
+_CHUNK = 256
 """Grasps at a time, which keeps the arrays of their directions in the cache."""
 _TINY = 1e-100
 """Keeps divisions finite."""
@@ -52,10 +53,10 @@ def epsilon_upper_bound(
         Shape (M,), not negative; it does not depend on the frame or the order of the contacts.
     """
     bounds: list[Array] = []
-    for rows in np.array_split(np.arange(len(p_BC)), len(p_BC) // _CHUNK + 1):
+    for rows in _chunks(len(p_BC)):
         frames, r = _placed(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
-        twists = _rim_twists(frames, r, mu[rows], num_turns)
-        bounds.append(_radii(frame_wrenches(frames, r, mu[rows]), twists).min(axis=1))
+        radii = _rim_twists(frames, r, mu[rows], num_turns).radii()
+        bounds.append(radii.min(axis=(0, 1, 2)))
     highest: Array = np.maximum(np.concatenate(bounds), 0.0)
     return highest
 
@@ -81,25 +82,29 @@ def critical_directions(
         of h, which bounds epsilon from above where the grasp holds, shape (M,).
     """
     found = []
-    before, after = np.arange(num_turns) - 1, np.arange(num_turns) + 1 - num_turns
-    for rows in np.array_split(np.arange(len(p_BC)), len(p_BC) // _CHUNK + 1):
+    for rows in _chunks(len(p_BC)):
         frames, r = _placed(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
-        w = _rim_twists(frames, r, mu[rows], num_turns)
-        cones = frame_wrenches(frames, r, mu[rows])
-        radius = _radii(cones, w)
-        along_rims = radius.reshape(-1, num_turns)
-        neighbours = np.minimum(along_rims[:, before], along_rims[:, after])
-        is_least = (along_rims <= neighbours).reshape(radius.shape)
-        order = np.where(is_least, radius, radius + radius.max(initial=0.0))
+        twists = _rim_twists(frames, r, mu[rows], num_turns)
+        radii = twists.radii()
+        neighbours = np.minimum(np.roll(radii, 1, axis=1), np.roll(radii, -1, axis=1))
+        order = np.where(radii <= neighbours, radii, radii + radii.max(initial=0.0))
+        order = order.reshape(12 * num_turns, -1).T
+        w = twists.directions().reshape(6, 12 * num_turns, -1).transpose(2, 1, 0)
         if rotations:
             others = _rotations(p_BC[rows], frames, p_BBcm, rho)
-            w = np.concatenate([w, others], axis=2)
+            cones = frame_wrenches(frames, r, mu[rows])
+            w = np.concatenate([w, others], axis=1)
             order = np.concatenate([order, _radii(cones, others)], axis=1)
         best = np.argpartition(order, num, axis=1)[:, :num]
-        w = w[np.arange(len(rows))[:, None], :, best]
-        found.append((unit(w), np.maximum(order.min(axis=1), 0.0)))
+        found.append(
+            (unit(w[np.arange(len(r))[:, None], best]), np.maximum(order.min(axis=1), 0.0))
+        )
     directions, bound = zip(*found, strict=True)
     return np.concatenate(directions), np.concatenate(bound)
+
+
+def _chunks(num: int) -> list[slice]:
+    return [slice(first, first + _CHUNK) for first in range(0, max(num, 1), _CHUNK)]
 
 
 def _placed(p_BC: Array, nhat_TB_B: Array, p_BBcm: Array, rho: float) -> tuple[Array, Array]:
@@ -107,70 +112,114 @@ def _placed(p_BC: Array, nhat_TB_B: Array, p_BBcm: Array, rho: float) -> tuple[A
     return contact_frames(p_BC, nhat_TB_B), (p_BC - p_BBcm) / rho
 
 
-def _rim_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> Array:
-    """Normals of the facets of W that hold one contact's disc whole, shape (M, 6, 12 num_turns).
+@dataclass(frozen=True, eq=False)
+class _RimTwists:
+    """Twists that lie on lines, `at` plus `t` times `along`; two on each.
+
+    Rows are x, y, z of the velocity g_k at contact k in its own frame, then the twist: velocity
+    of the centre of mass and rho times angular velocity. There is a line for each of T angles,
+    each permutation (i, j, k) of the contacts and each grasp.
+    """
+
+    at: Array
+    """Shape (9, T, 6, M)."""
+    along: Array
+    """Shape (9, 6, M)."""
+    t: Array
+    """Shape (2, T, 6, M)."""
+    h_j: Array
+    """h of contact j, shape (T, 6, M); that of contact i is 1."""
+    mu_k: Array
+    """Shape (6, M)."""
+
+    def directions(self) -> Array:
+        """The twists, shape (6, 2, T, 6, M)."""
+        return self.at[3:, None] + self.t * self.along[3:, None, None]
+
+    def radii(self) -> Array:
+        """h(w) / |w|, shape (2, T, 6, M)."""
+        x, y, z = (self.at[row] + self.t * self.along[row] for row in range(3))
+        h = np.maximum(x + self.mu_k * np.sqrt(y * y + z * z), self.h_j)
+        at, along = self.at[3:], self.along[3:, None]
+        square = self.t * (2.0 * (at * along).sum(axis=0) + self.t * (along * along).sum(axis=0))
+        square += (at * at).sum(axis=0)
+        radii: Array = h / (np.sqrt(square) + _TINY)
+        return radii
+
+
+def _rim_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> _RimTwists:
+    """Normals of the facets of W that hold one contact's disc whole.
 
     A contact's part of W is a disc, the wrenches of its cone with normal force 1. The facet
     nearest to the origin nearly always holds the disc of some contact i and touches the rims of
     the others, j and k, in a point each. Seen as a twist with velocities g at the contacts, such
     a w has g_i = n_i, and g_j and g_k with h = 1; rigidity leaves one freedom, the angle of the
-    point on rim j, sampled here, and two solutions for k. (i, j, k) are all permutations, and the
-    twists of one of them and one root are consecutive, by angle.
+    point on rim j, sampled here, and two solutions for k. (i, j, k) are all permutations.
     """
     i, j, k = _ORDERS
-    M, num_orders = len(r), len(i)
-    r_i, n_i, mu_j = r[:, i], frames[:, i, 0], mu[:, j, None]
+    # Components first and grasps last: what is computed for all grasps is contiguous.
+    mu, r, frames = mu.T, r.transpose(2, 1, 0).copy(), frames.transpose(2, 3, 1, 0).copy()
+    r_i, n_i, mu_j = r[:, i], frames[0][:, i], mu[j]
     r_ij, r_ik = r[:, j] - r_i, r[:, k] - r_i
 
     # g_j = n_j + s (cos t_1 + sin t_2 - mu_j n_j) has h_j = 1: all that follows is linear in the
     # cosine, the sine, 1 and the change from n_i to n_j, and in the turn about r_ij that is left.
-    change = np.concatenate([frames[:, j][:, :, (1, 2, 0)], frames[:, j, :1] - n_i[:, :, None]], 2)
-    change[:, :, 2] *= -mu_j
-    rate = (change @ r_ij[..., None])[..., 0]
-    omega = np.empty((M, num_orders, 5, 3))
-    omega[:, :, :4] = cross(r_ij[:, :, None], change)
-    omega[:, :, :4] /= (dot(r_ij, r_ij) + _TINY)[..., None, None]
-    omega[:, :, 4] = r_ij
-    linear = np.empty((9, M, num_orders, 5))
-    v = cross(r_i[:, :, None], omega)
-    v[:, :, 3] += n_i
-    g_k = cross(omega, r_ik[:, :, None])
-    g_k[:, :, 3] += n_i
-    for first, part in enumerate((g_k @ frames[:, k].swapaxes(2, 3), v, omega)):
-        linear[3 * first : 3 * first + 3] = part.transpose(3, 0, 1, 2)
+    n_j, t_1, t_2 = frames[:, :, j]
+    change = np.stack([t_1, t_2, -mu_j * n_j, n_j - n_i], axis=1)
+    rate = (change * r_ij[:, None]).sum(axis=0)
+    omega = np.empty((3, 5, *r_ij.shape[1:]))
+    omega[:, :4] = _cross(r_ij[:, None], change) / ((r_ij * r_ij).sum(axis=0) + _TINY)
+    omega[:, 4] = r_ij
+    v = _cross(r_i[:, None], omega)
+    g_k = _cross(omega, r_ik[:, None])
+    v[:, 3] += n_i
+    g_k[:, 3] += n_i
+    g_k = (frames[:, :, None, k] * g_k).sum(axis=1)
+    linear = np.concatenate([g_k, v, omega])
 
     # Rigidity: (g_j - n_i) . r_ij = 0.
     angles = 2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns
-    rim = np.stack([np.cos(angles), np.sin(angles), np.ones(num_turns)])
-    turning = rate[..., :3] @ rim
-    s = -rate[..., 3:] / np.where(np.abs(turning) < _LEVEL, _LEVEL, turning)
-    moved = linear[..., 3:4] + s * (linear[..., :3] @ rim)
+    rim = np.stack([np.cos(angles), np.sin(angles), np.ones(num_turns)], axis=1)
+    turning = _combined(rim, rate[:3])
+    s = -rate[3] / np.where(np.abs(turning) < _LEVEL, _LEVEL, turning)
+    at = _combined(rim, linear[:, :3])
+    at *= s
+    at += linear[:, 3, None]
     # h_k = 1 is quadratic in the turn t.
-    x, y, z = moved[:3]
-    x_t, y_t, z_t = linear[:3, ..., 4:]
-    mu_k = mu[:, k, None] ** 2
-    a = mu_k * (y_t * y_t + z_t * z_t) - x_t * x_t
-    b = mu_k * (y * y_t + z * z_t) + (1 - x) * x_t
-    c = mu_k * (y * y + z * z) - (1 - x) ** 2
+    (x, y, z), (x_t, y_t, z_t), mu_k = at[:3], linear[:3, 4], mu[k]
+    a = mu_k**2 * (y_t * y_t + z_t * z_t) - x_t * x_t
+    b = mu_k**2 * (y * y_t + z * z_t) + (1 - x) * x_t
+    c = mu_k**2 * (y * y + z * z) - (1 - x) ** 2
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
-    t = np.stack([-b - root, -b + root], axis=2) / np.where(np.abs(a) < _TINY, _TINY, a)[..., None]
-    twists = moved[3:, :, :, None] + t * linear[3:, :, :, 4, None, None]
-    flat: Array = twists.reshape(6, M, 2 * num_orders * num_turns)
-    return flat.swapaxes(0, 1)
+    t = np.stack([-b - root, -b + root]) / np.where(np.abs(a) < _TINY, _TINY, a)
+    h_j = 1.0 + mu_j * (np.abs(s) - s)
+    return _RimTwists(at, linear[:, 4], t, h_j, mu_k)
+
+
+def _combined(weights: Array, values: Array) -> Array:
+    """Weighted sums, (T, K) of (..., K, 6, M) to (..., T, 6, M)."""
+    *shape, K, L, M = values.shape
+    sums: Array = weights @ values.reshape(*shape, K, L * M)
+    return sums.reshape(*shape, len(weights), L, M)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products over the first axis."""
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
 
 
 def _radii(cones: Array, w: Array) -> Array:
-    """h(w) / |w| for cones (M, 3, 3, 6) and directions (M, 6, K), shape (M, K)."""
-    rows = cones.reshape(len(w), 9, 6) @ w
-    n, t_1, t_2 = rows[:, 0::3], rows[:, 1::3], rows[:, 2::3]
-    h = n + np.sqrt(t_1 * t_1 + t_2 * t_2)
-    highest = np.maximum(np.maximum(h[:, 0], h[:, 1]), h[:, 2])
-    radius: Array = highest / (np.sqrt(np.einsum("mik,mik->mk", w, w)) + _TINY)
-    return radius
+    """h(w) / |w| for cones (M, 3, 3, 6) and directions (M, K, 6), shape (M, K)."""
+    n, t_1, t_2 = np.moveaxis(cones, 2, 0) @ w.swapaxes(1, 2)
+    h = (n + np.sqrt(t_1 * t_1 + t_2 * t_2)).max(axis=1)
+    radii: Array = h / (np.sqrt(dot(w, w)) + _TINY)
+    return radii
 
 
 def _rotations(p_BC: Array, frames: Array, p_BBcm: Array, rho: float) -> Array:
-    """Rotations about lines through each contact and their centroid, shape (M, 6, 128).
+    """Rotations about lines through each contact and their centroid, shape (M, 128, 6).
 
     The lines run along the contact frames' axes, the triangle's sides and its altitudes; a
     rotation is (velocity of the centre of mass, rho times angular velocity), which pairs with
@@ -183,5 +232,5 @@ def _rotations(p_BC: Array, frames: Array, p_BBcm: Array, rho: float) -> Array:
     points = np.concatenate([p_BC, p_BC.mean(axis=1, keepdims=True)], axis=1)
     v = cross(p_BBcm - points[:, :, None], -omega)
     twists = np.concatenate([v, np.broadcast_to(rho * omega, v.shape)], axis=-1)
-    twists = twists.reshape(-1, 64, 6).swapaxes(1, 2)
-    return np.concatenate([twists, -twists], axis=2)
+    twists = twists.reshape(-1, 64, 6)
+    return np.concatenate([twists, -twists], axis=1)

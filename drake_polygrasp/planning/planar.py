@@ -75,10 +75,15 @@ def orthonormal_pair(nhat: Array) -> tuple[Array, Array]:
 
 def gather(offsets: Ints, rows: Ints) -> tuple[Ints, Ints]:
     """Flat indices of the items of `rows`, and the row (0..K-1) that owns each of them."""
-    counts = offsets[rows + 1] - offsets[rows]
-    starts = np.cumsum(counts) - counts
-    owner = np.repeat(np.arange(len(rows)), counts)
-    return np.arange(counts.sum()) + (offsets[rows] - starts)[owner], owner
+    return ranges(offsets[rows], offsets[rows + 1])
+
+
+def ranges(starts: Ints, ends: Ints) -> tuple[Ints, Ints]:
+    """The integers from each start to before its end, and whose (0..K-1) each of them is."""
+    counts = ends - starts
+    before = np.cumsum(counts) - counts
+    owner = np.repeat(np.arange(len(starts)), counts)
+    return np.arange(counts.sum()) + (starts - before)[owner], owner
 
 
 def _starts(owner: Ints, num_rows: int) -> Ints:

@@ -8,10 +8,12 @@ joined, are all ones.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.planning.planar import gather
+from drake_polygrasp.planning.planar import ranges
 
+Words = npt.NDArray[np.uint64]
 ENOUGH = 0.75
 """Of the triples wanted, ours: for fewer the search is repeated with a lower threshold."""
 _BLOCK = 8
@@ -61,7 +63,7 @@ def _above(h: Array, threshold: float, num: int) -> Ints:
         if sum(map(len, fresh)) > _BLOCK * num or first == len(h):
             best, height = _greatest(h, np.concatenate([best, *fresh]), num)
             fresh = []
-            if len(height) == num and height[-1] > threshold:
+            if first < len(h) and len(height) == num and height[-1] > threshold:
                 threshold = height[-1]
                 covers = _Covers(h > threshold)
     return best
@@ -77,42 +79,55 @@ class _Covers:
     def __init__(self, above: Bools) -> None:
         N, K = above.shape
         rarest_first = np.argsort(above.sum(axis=0), kind="stable")
-        # A last direction that all cover stands for none.
-        self._above = np.column_stack([above[:, rarest_first], np.ones(N, dtype=bool)])
-        padded = np.pad(self._above, ((0, 0), (0, -(K + 1) % 64)), constant_values=True)
-        words = np.ascontiguousarray(np.packbits(padded, axis=1)).view(np.uint64)
-        self._words = np.ascontiguousarray(words.T)
-        direction, self._points = np.nonzero(self._above.T)
-        self._offsets = np.searchsorted(direction, np.arange(K + 2))
-        self._helps = np.triu(self._above[:, self._rarest_left(self._above)].T, 1)
+        # A last direction, or some, that all cover stand for none.
+        num_words = K // 64 + 1
+        covered = np.ones((64 * num_words, N), dtype=bool)
+        covered[:K] = above.T[rarest_first]
+        octets = np.packbits(covered, axis=0, bitorder="little").reshape(num_words, 8, N)
+        self._words = np.ascontiguousarray(octets.swapaxes(1, 2)).view("<u8")[..., 0]
+        self._num_points = N
+        self._covering = np.flatnonzero(covered)
+        self._ends = np.append(0, np.cumsum(covered.sum(axis=1)))
+        self._helps = np.triu(covered[self._rarest_left(self._words)], 1)
         self._num_helpers = np.append(0, np.cumsum(self._helps.sum(axis=1)))
 
     @staticmethod
-    def _rarest_left(covered: Bools) -> Ints:
-        """The first direction that is not covered, or the last of all, shape (M, K) to (M,)."""
-        first = covered.argmin(axis=1)
-        all_covered = covered[np.arange(len(covered)), first]
-        rarest: Ints = np.where(all_covered, covered.shape[1] - 1, first)
-        return rarest
+    def _rarest_left(words: Words) -> Ints:
+        """The first direction that is not covered, or the last of all, (L, M) to (M,)."""
+        direction = np.full(words.shape[1], 64 * len(words) - 1)
+        rows = np.arange(words.shape[1])
+        for number, word in enumerate(words):
+            left = ~word[rows]
+            some = left != 0
+            # The lowest bit, a power of two, is exact in floating point.
+            lowest = (left[some] & -left[some]).astype(float)
+            direction[rows[some]] = 64 * number + np.frexp(lowest)[1] - 1
+            rows = rows[~some]
+            if not len(rows):
+                break
+        return direction
 
     def last_at_once(self, first: int) -> int:
         """One more than the last i, of those from `first`, whose triples fit into the cache."""
-        most = self._num_helpers[first] + _AT_ONCE // max(self._above.shape)
+        most = self._num_helpers[first] + _AT_ONCE // self._num_points
         return max(first + 1, int(np.searchsorted(self._num_helpers, most, side="right")) - 1)
 
     def triples(self, first: int, last: int) -> Ints:
         """Those with first <= i < last, ascending, shape (M, 3)."""
         i, j = np.nonzero(self._helps[first:last])
         i += first
-        direction = self._rarest_left(self._above[i] | self._above[j])
-        rows, pair = gather(self._offsets, direction)
-        k = self._points[rows]
-        for word in self._words:
-            covers = np.flatnonzero(((word[i] | word[j])[pair] | word[k]) == _ALL)
+        joined = self._words[:, i] | self._words[:, j]
+        direction = self._rarest_left(joined)
+        # Only later points than i.
+        start = np.searchsorted(self._covering, direction * self._num_points + i, side="right")
+        rows, pair = ranges(start, self._ends[direction + 1])
+        k = self._covering[rows] - (direction * self._num_points)[pair]
+        for known, word in zip(joined, self._words, strict=True):
+            covers = np.flatnonzero((known[pair] | word[k]) == _ALL)
             pair, k = pair[covers], k[covers]
         i, j = i[pair], j[pair]
         # Where j and k both help i, the triple is met twice.
-        new = (k > i) & (k != j) & ~(self._helps[i, k] & (k < j))
+        new = (k != j) & ~(self._helps[i, k] & (k < j))
         i, j, k = i[new], j[new], k[new]
         found = np.column_stack([i, np.minimum(j, k), np.maximum(j, k)])
         return found[np.lexsort(found.T[::-1])]
