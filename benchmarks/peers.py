@@ -22,7 +22,7 @@ from drake_polygrasp.planning.orientation import friction_angle, opposes
 from drake_polygrasp.wrench import cone_wrenches, force_closure, plane_normal, support
 
 NUM_TRIPLES = 5_000
-_BATCH = 32
+_BATCH = 64
 """Triples bounded at once, best coarse bound first: the first batches spare the others."""
 _RAYS = 256
 """Rays intersected at once, which bounds memory."""

@@ -125,13 +125,16 @@ class Contenders:
         rows, score = rows[order], score[order]
         proofs: dict[int, Proof] = {}
         while len(rows):
-            held = {int(self.candidates.set_index[row]) for row in proofs}
+            set_index = self.candidates.set_index
+            held = np.unique(set_index[list(proofs)])
             missing = wanted - len(held)
             if missing <= 0:
                 break
+            _, first = np.unique(set_index[rows], return_index=True)
+            fresh = np.sort(first[~np.isin(set_index[rows[first]], held)])
+            last = fresh[missing - 1] if missing <= len(fresh) else -1
             # Whole ties, so that which of them are judged does not depend on their order.
-            level = score[min(missing, len(rows)) - 1]
-            count = int(np.searchsorted(-score, -level, side="right"))
+            count = int(np.searchsorted(-score, -score[last], side="right"))
             proofs |= self.judge(rows[:count])
             rows, score = rows[count:], score[count:]
         return proofs

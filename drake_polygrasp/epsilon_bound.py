@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.vectors import cross, dot, unit
+from drake_polygrasp.vectors import cross, cross_first, dot, unit
 from drake_polygrasp.wrench import contact_frames, frame_wrenches, plane_normal
 
 _CHUNK = 256
@@ -168,10 +168,10 @@ def _rim_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> _RimTwist
     change = np.stack([t_1, t_2, -mu_j * n_j, n_j - n_i], axis=1)
     rate = (change * r_ij[:, None]).sum(axis=0)
     omega = np.empty((3, 5, *r_ij.shape[1:]))
-    omega[:, :4] = _cross(r_ij[:, None], change) / ((r_ij * r_ij).sum(axis=0) + _TINY)
+    omega[:, :4] = cross_first(r_ij[:, None], change) / ((r_ij * r_ij).sum(axis=0) + _TINY)
     omega[:, 4] = r_ij
-    v = _cross(r_i[:, None], omega)
-    g_k = _cross(omega, r_ik[:, None])
+    v = cross_first(r_i[:, None], omega)
+    g_k = cross_first(omega, r_ik[:, None])
     v[:, 3] += n_i
     g_k[:, 3] += n_i
     g_k = (frames[:, :, None, k] * g_k).sum(axis=1)
@@ -201,13 +201,6 @@ def _combined(weights: Array, values: Array) -> Array:
     *shape, K, L, M = values.shape
     sums: Array = weights @ values.reshape(*shape, K, L * M)
     return sums.reshape(*shape, len(weights), L, M)
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Vector products over the first axis."""
-    return np.stack(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
 
 
 def _radii(cones: Array, w: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Row-wise algebra of short vectors, over the last axis of arrays of any shape."""
+"""Algebra of short vectors: over the last axis of arrays of any shape, or over the first."""
 
 from __future__ import annotations
 
@@ -21,6 +21,15 @@ def cross(a: Array, b: Array) -> Array:
     product[..., 0] = a_y * b_z - a_z * b_y
     product[..., 1] = a_z * b_x - a_x * b_z
     product[..., 2] = a_x * b_y - a_y * b_x
+    return product
+
+
+def cross_first(a: Array, b: Array) -> Array:
+    """Vector products over the first axis: of many vectors, each operation is contiguous."""
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    product[0] = a[1] * b[2] - a[2] * b[1]
+    product[1] = a[2] * b[0] - a[0] * b[2]
+    product[2] = a[0] * b[1] - a[1] * b[0]
     return product
 
 

@@ -15,7 +15,7 @@ import itertools
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools
-from drake_polygrasp.vectors import cross, dot, unit
+from drake_polygrasp.vectors import cross, cross_first, dot, unit
 
 MIN_AREA_RATIO = 1e-3
 """Ours: twice the contacts' area over the square of their longest side, at least. A non-zero area
@@ -137,13 +137,14 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
     edges = np.concatenate([along - across, along + across], axis=1)
     # (fx, fy, tau) of each edge without a choice of axes in the plane: the planar force turned
     # into B, plus its torque along N.
-    wrenches = unit(edges + cross(p[:, _ENDS], edges))
+    wrenches = unit(edges + cross(p[:, _ENDS], edges)).transpose(2, 1, 0).copy()
 
-    facet = cross(wrenches[:, _PAIRS[:, 0]], wrenches[:, _PAIRS[:, 1]])
-    independent = dot(facet, facet) > _ON_A_SIDE**2
-    side = facet @ wrenches.transpose(0, 2, 1)
-    both = (side.max(axis=-1) > _ON_A_SIDE) & (side.min(axis=-1) < -_ON_A_SIDE)
-    closed[rows] = (both | ~independent).all(axis=1) & independent.any(axis=1)
+    first, second = _PAIRS.T
+    facet = cross_first(wrenches[:, first], wrenches[:, second])
+    independent = (facet * facet).sum(axis=0) > _ON_A_SIDE**2
+    side = np.einsum("cfm,cwm->wfm", facet, wrenches)
+    both = (side.max(axis=0) > _ON_A_SIDE) & (side.min(axis=0) < -_ON_A_SIDE)
+    closed[rows] = (both | ~independent).all(axis=0) & independent.any(axis=0)
     return closed
 
 

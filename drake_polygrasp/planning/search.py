@@ -16,7 +16,7 @@ from drake_polygrasp.epsilon_bound import COARSE_TURNS, critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.face_support import points_on
 from drake_polygrasp.planning.sample_points import POINTS, sample_points
-from drake_polygrasp.planning.set_cover import cover
+from drake_polygrasp.planning.set_cover import Singles, cover
 from drake_polygrasp.wrench import force_closure, frame_wrenches
 
 STRIDES = (4, 2, 1)
@@ -104,10 +104,13 @@ def _frames(regions: Regions) -> Array:
     return np.stack([-z, x, y], axis=1)
 
 
-def _support(cones: Array, w: Array) -> Array:
-    """h_i(w) of the contacts of cones (N, 3, 6) in directions (K, 6), shape (N, K)."""
-    n, t_1, t_2 = cones.transpose(1, 0, 2) @ w.T
-    h: Array = n + np.sqrt(t_1 * t_1 + t_2 * t_2)
+def _support(cones: Array, w: Array) -> Singles:
+    """h_i(w) of the contacts of cones (N, 3, 6) in directions (K, 6), shape (N, K).
+
+    In single precision, for it only guides the search and there is much of it.
+    """
+    n, t_1, t_2 = cones.transpose(1, 0, 2).astype(np.float32) @ w.T.astype(np.float32)
+    h: Singles = n + np.sqrt(t_1 * t_1 + t_2 * t_2)
     return h
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.planning.planar import ranges
 
+Singles = npt.NDArray[np.float32]
 Words = npt.NDArray[np.uint64]
 ENOUGH = 0.75
 """Of the triples wanted, ours: for fewer the search is repeated with a lower threshold."""
@@ -25,7 +26,7 @@ _CACHED = 150_000
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
-def cover(h: Array, num: int) -> Ints:
+def cover(h: Singles, num: int) -> Ints:
     """The `num` triples i < j < k of greatest min_w max(h_i, h_j, h_k), greatest first.
 
     Args:
@@ -42,7 +43,7 @@ def cover(h: Array, num: int) -> Ints:
     return best
 
 
-def _thresholds(h: Array, num: int) -> Array:
+def _thresholds(h: Singles, num: int) -> Singles:
     """Falling thresholds, from one that some more than `num` triples should pass to none at all."""
     N = len(h)
     sample = np.random.default_rng(0).integers(0, N, (500, 3))
@@ -52,9 +53,9 @@ def _thresholds(h: Array, num: int) -> Array:
     return np.append(np.quantile(height, 1.0 - shares), -np.inf)
 
 
-def _above(h: Array, threshold: float, num: int) -> Ints:
+def _above(h: Singles, threshold: float, num: int) -> Ints:
     """The `num` greatest of the triples above a threshold, which rises as they are found."""
-    best, height = np.empty((0, 3), int), np.empty(0)
+    best, height = np.empty((0, 3), int), h[:0, 0]
     covers, fresh, first = _Covers(h > threshold), [best], 0
     while first < len(h):
         last = covers.last_at_once(first)
@@ -133,15 +134,15 @@ class _Covers:
         return found[np.lexsort(found.T[::-1])]
 
 
-def _greatest(h: Array, triples: Ints, num: int) -> tuple[Ints, Array]:
+def _greatest(h: Singles, triples: Ints, num: int) -> tuple[Ints, Singles]:
     height = _heights(h, triples)
     order = np.argsort(-height, kind="stable")[:num]
     return triples[order], height[order]
 
 
-def _heights(h: Array, triples: Ints) -> Array:
+def _heights(h: Singles, triples: Ints) -> Singles:
     """min_w max(h_i, h_j, h_k) of triples (M, 3), shape (M,)."""
-    height = np.empty(len(triples))
+    height = np.empty(len(triples), h.dtype)
     for rows in np.array_split(np.arange(len(triples)), triples.size * h.shape[1] // _CACHED + 1):
         i, j, k = triples[rows].T
         # In place: new arrays of this size cost more than what is computed.
