@@ -72,6 +72,9 @@ def _beside(regions: Regions, triangles_B: Array, lowest: Array, tip_radius: flo
     if len(owner):
         blocked, triangle = _blocked(np.concatenate(rising), lowest[owner], tip_radius)
         owner = owner[triangle]
+        shapely.prepare(polygons)
+        near = shapely.intersects(polygons[owner], blocked)
+        blocked, owner = blocked[near], owner[near]
         for k in np.unique(owner):
             polygons[k] -= shapely.union_all(blocked[owner == k])
     return _with_polygons(regions, polygons)
