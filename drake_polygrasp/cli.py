@@ -114,6 +114,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
         method=arguments.method,
         top=arguments.top,
         rank=arguments.rank,
+        effort=arguments.effort,
         edge_clearance=arguments.edge_clearance,
         tip_radius=arguments.tip_radius,
         avoid_directions=arguments.avoid_direction,

@@ -131,6 +131,13 @@ def _add_plan(commands: Any) -> None:
         help="what puts one grasp before another (default: epsilon; Q for --method paper)",
     )
     parser.add_argument(
+        "--effort",
+        choices=("full", "quick"),
+        default="full",
+        help="quick: search less, for grasps in a fraction of the time and of a somewhat lower "
+        "epsilon (default: full)",
+    )
+    parser.add_argument(
         "--gap",
         metavar="NODES",
         nargs="?",

@@ -80,10 +80,10 @@ class Contenders:
         rows = self._passed(rows, on_face, "off_face")
         rows = self._passed(rows, ~avoided, "excluded")
         for reason, passes in (
-            ("tip_blocked", self._fits),
-            ("obstructed", self._is_clear),
+            ("tip_blocked", fits),
+            ("obstructed", is_clear),
         ):
-            rows = self._passed(rows, passes(*self._flat(rows)), reason)
+            rows = self._passed(rows, passes(self.task, *self._flat(rows)), reason)
         proofs = prove_many(p_BC[rows], nhat_TB_B[rows], mu[rows])
         self.outcome[rows] = [_OUTCOME[proof.verdict] for proof in proofs]
         return {
@@ -101,18 +101,6 @@ class Contenders:
         whole = np.logical_and.reduce(passes.reshape(-1, 3), axis=1)
         self.outcome[rows[~whole]] = CODE[reason]
         return rows[whole]
-
-    def _fits(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
-        return tip_fits(self.task.object_.polyhedron, p_BC, nhat_TB_B, self.task.tip_radius)
-
-    def _is_clear(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
-        """Whether no obstacle is where a tip would be, or within a crack's width of a point."""
-        if self.task.obstacles is None:
-            return np.ones(len(p_BC), dtype=bool)
-        polyhedron = self.task.object_.polyhedron
-        tip_radius = least_tip(polyhedron, self.task.tip_radius)
-        reach = tip_radius - 2 * FLATNESS * polyhedron.diameter
-        return ~self.task.obstacles.block(p_BC - tip_radius * nhat_TB_B, reach)
 
     def judge_best(self, rows: Ints, score: Array, wanted: int) -> dict[int, Proof]:
         """Judges candidates of best score until `wanted` sets hold and the next score is less.
@@ -191,6 +179,21 @@ class Contenders:
         order = order[speaks[order]]
         code[self.candidates.set_index[order]] = self.outcome[order]
         return code
+
+
+def fits(task: Task, p_BC: Array, nhat_TB_B: Array) -> Bools:
+    """Whether tips have room at contacts on the surface [m], (M, 3) each to (M,)."""
+    return tip_fits(task.object_.polyhedron, p_BC, nhat_TB_B, task.tip_radius)
+
+
+def is_clear(task: Task, p_BC: Array, nhat_TB_B: Array) -> Bools:
+    """Whether no obstacle is where a tip would be, or within a crack's width of a point, (M,)."""
+    if task.obstacles is None:
+        return np.ones(len(p_BC), dtype=bool)
+    polyhedron = task.object_.polyhedron
+    tip_radius = least_tip(polyhedron, task.tip_radius)
+    reach = tip_radius - 2 * FLATNESS * polyhedron.diameter
+    return ~task.obstacles.block(p_BC - tip_radius * nhat_TB_B, reach)
 
 
 def contenders(task: Task, plan: SetPlan, triples: Triples | None) -> Contenders:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -13,30 +13,24 @@ import numpy.typing as npt
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
-from drake_polygrasp.contenders import KINDS, Contenders, contenders
+from drake_polygrasp.contenders import KINDS, Contenders
 from drake_polygrasp.epsilon_bound import COARSE_TURNS, TURNS, epsilon_upper_bound
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
-from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+from drake_polygrasp.planning.effort import EffortName
 from drake_polygrasp.planning.orientation import least_opposing_friction
-from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method, SetPlan, has_contacts
-from drake_polygrasp.planning.sample_points import num_points
-from drake_polygrasp.planning.search import (
-    Triples,
-    best_triples,
-    first_of_each_set,
-    joined,
-    sets_of,
+from drake_polygrasp.planning.outcome import (
+    CODE,
+    REASONS,
+    UNJUDGED,
+    Method,
 )
-from drake_polygrasp.planning.tip_room import with_tip_room
 from drake_polygrasp.planning.variants import (
     Steps,
-    best_first,
-    improved_triples,
     place_in_set,
-    usable,
 )
+from drake_polygrasp.proposals import constructed, enriched, quick
 from drake_polygrasp.task import Task, make_task, rows_of
 
 Rank = Literal["epsilon", "margin", "Q"]
@@ -44,10 +38,6 @@ Rank = Literal["epsilon", "margin", "Q"]
 SETS_OF_A_KIND = 10
 """Sets of each kind that are proved at least to be ranked by margin, ours: Q favours two-face
 sets, though three faces hold best on most objects without parallel faces."""
-MANY_REGIONS = 24
-"""Ours: of more, only the sets that the search finds go through the paper's stages."""
-CHOSEN_SETS = 100
-"""How many sets the search then chooses, ours."""
 SPARE = 2
 """Sets proved beyond those wanted, for bounds of epsilon do not quite rank as epsilon, ours."""
 
@@ -113,6 +103,7 @@ def plan_grasps(
     exclude_faces: Iterable[int] = (),
     obstacles: Obstacles | None = None,
     steps: Steps | None = None,
+    effort: EffortName = "full",
 ) -> GraspPlan:
     """Plans grasps of an object and proves every one that it returns.
 
@@ -132,6 +123,8 @@ def plan_grasps(
         obstacles: what fingertips must not penetrate beside the object; see
             `obstacles_from_plant`.
         steps: what "enriched" does beyond the paper (default: all).
+        effort: "quick" searches a few points, without the paper's stages, so that grasps have no
+            Q; where it finds none, "full" follows. For "enriched", ranked by epsilon.
 
     Raises:
         UsageError: when a parameter is not what it may be.
@@ -142,16 +135,17 @@ def plan_grasps(
         raise UsageError(f"top is {top}; it must be at least 1")
     if rank not in ("epsilon", "margin", "Q"):
         raise UsageError(f"rank is {rank!r}; it must be 'epsilon', 'margin' or 'Q'")
+    if effort not in get_args(EffortName):
+        raise UsageError(f"effort is {effort!r}; it must be 'full' or 'quick'")
+    if effort == "quick" and (method, rank, steps) != ("enriched", "epsilon", None):
+        raise UsageError("effort 'quick' is for all steps of 'enriched', ranked by epsilon")
     task = make_task(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
-    steps = steps or Steps()
-    if method == "enriched" and rank == "epsilon":
-        work = _enriched(task, steps)
-        proofs = _judged_by_bound(work, top + SPARE)
-    else:
-        work = _constructed(task, steps)
-        proofs = _judged_by_quality(work, rank, top)
+    quickly = effort == "quick"
+    work, proofs = _proved(task, steps or Steps(), rank, top, quickly=quickly)
+    if quickly and not proofs:
+        work, proofs = _proved(task, Steps(), rank, top, quickly=False)
     order = _ranked(work, proofs, rank)
     planned = perf_counter()
     grasps = _certified(work, proofs, order, rank, top)
@@ -161,7 +155,7 @@ def plan_grasps(
         task.num_sets,
         task.counts(work.set_codes()),
         {"plan": planned - start, "certify": certified - planned},
-        task.settings | {"rank": rank, "top": top},
+        task.settings | {"rank": rank, "top": top, "effort": effort},
         None if grasps else least_opposing_friction(task.regions.nhat_TB_B),
         task.excluded_faces,
     )
@@ -184,11 +178,11 @@ def explain_sets(
     task = make_task(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
-    work = _constructed(task, Steps())
+    work = constructed(task, Steps())
     work.judge(np.flatnonzero(work.outcome == UNJUDGED))
     code = work.set_codes()
     if method == "enriched":
-        beyond = _enriched(task, Steps())
+        beyond = enriched(task, Steps())
         _judged_by_bound(beyond, SETS_OF_A_KIND + SPARE)
         found = beyond.plan.sets[beyond.set_codes() == CODE["certified"]]
         code[rows_of(work.plan.sets, found)] = CODE["certified"]
@@ -205,38 +199,15 @@ def explain_sets(
     )
 
 
-def _constructed(task: Task, steps: Steps) -> Contenders:
-    """The paper's stages on every set."""
-    return contenders(task, task.plan(steps), None)
-
-
-def _enriched(task: Task, steps: Steps) -> Contenders:
-    """The paper's constructions, triples of sample points, and the best of both improved."""
-    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
-    if not (steps.search or steps.improve):
-        return _constructed(task, steps)
-    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
-    none = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
-    if steps.search and len(regions.face) > MANY_REGIONS:
-        found = best_triples(clear, none, *scale, num_points(len(regions.face)))
-        first = first_of_each_set(found.region)[:CHOSEN_SETS]
-        found, plan = found.take(first), task.plan(steps, sets_of(found.region[first]))
-        known = _known(clear, plan)
-    else:
-        plan = task.plan(steps)
-        known = _known(clear, plan)
-        found = best_triples(clear, known, *scale) if steps.search else none
-    triples = joined(known, found)
-    better = improved_triples(clear, triples, *scale) if steps.improve else found
-    return contenders(task, plan, better)
-
-
-def _known(regions: Regions, plan: SetPlan) -> Triples:
-    """The constructions that are usable, best Q first."""
-    rows = plan.candidates
-    rows = rows.take(has_contacts(rows.p_BC))
-    known = Triples(rows.region, rows.p_BC).take(best_first(rows.Q))
-    return known.take(usable(regions, known))
+def _proved(
+    task: Task, steps: Steps, rank: Rank, top: int, *, quickly: bool
+) -> tuple[Contenders, dict[int, Proof]]:
+    if task.method == "enriched" and rank == "epsilon":
+        wanted = top + SPARE
+        work = quick(task, wanted) if quickly else enriched(task, steps)
+        return work, _judged_by_bound(work, wanted)
+    work = constructed(task, steps)
+    return work, _judged_by_quality(work, rank, top)
 
 
 def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proof]:

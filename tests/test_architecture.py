@@ -32,6 +32,7 @@ LAYERS = (
         "verification",
         "task",
         "contenders",
+        "proposals",
         "pipeline",
         "gap",
         "plant_results",

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from functools import cache
 from math import comb
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
-from drake_polygrasp import UsageError, pipeline, task
+from benchmarks import measure
+from benchmarks.peers import random_triples
+from drake_polygrasp import UsageError, pipeline, proposals, task
 from drake_polygrasp.certification import exact
-from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.contenders import contenders
+from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.geometry.seating import edge_distance, tip_fits
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.pipeline import GraspPlan, explain_sets, plan_grasps
+from drake_polygrasp.planning.outcome import unplanned
 from drake_polygrasp.planning.planner import plan_sets
+from drake_polygrasp.planning.search import Triples
 from drake_polygrasp.planning.variants import Steps
 from drake_polygrasp.task import TIP_RADIUS
 from tests.convex_polyhedra import holed_prism, prism, tangent_polyhedron
@@ -30,6 +37,7 @@ OBJECTS = {
     "many faces": solid(tangent_polyhedron(45, 1)),
 }
 every_object = pytest.mark.parametrize("name", OBJECTS)
+every_effort = pytest.mark.parametrize("effort", ["all", "quick"])
 STEPS = {
     "none": Steps(spread=False, search=False, improve=False),
     "spread": Steps(search=False, improve=False),
@@ -40,8 +48,14 @@ STEPS = {
 
 
 @cache
-def plan(name: str, steps: str = "all") -> GraspPlan:
-    return plan_grasps(OBJECTS[name], steps=STEPS[steps])
+def plan(name: str, how: str = "all") -> GraspPlan:
+    if how == "quick":
+        return plan_grasps(OBJECTS[name], effort="quick")
+    return plan_grasps(OBJECTS[name], steps=STEPS[how])
+
+
+def task_of(object_: GraspObject) -> task.Task:
+    return task.make_task(object_, "enriched", None, None, (), (), None)
 
 
 def best(plan_: GraspPlan) -> float:
@@ -49,9 +63,10 @@ def best(plan_: GraspPlan) -> float:
 
 
 @every_object
-def test_every_grasp_is_proved_and_the_judge_agrees(name: str) -> None:
-    assert plan(name).grasps
-    for certified in plan(name).grasps:
+@every_effort
+def test_every_grasp_is_proved_and_the_judge_agrees(name: str, effort: str) -> None:
+    assert plan(name, effort).grasps
+    for certified in plan(name, effort).grasps:
         grasp, x = certified.grasp, certified.certificate.internal_force
         contacts = grasp.p_BC.tolist(), grasp.nhat_TB_B.tolist(), grasp.mu.tolist()
         assert exact.check_force_closure(*contacts, x.tolist()).ok
@@ -59,10 +74,11 @@ def test_every_grasp_is_proved_and_the_judge_agrees(name: str) -> None:
 
 
 @every_object
-def test_contacts_keep_their_distance_from_edges_and_tips_fit(name: str) -> None:
+@every_effort
+def test_contacts_keep_their_distance_from_edges_and_tips_fit(name: str, effort: str) -> None:
     object_ = OBJECTS[name]
     regions, L = erode(object_.polyhedron), object_.polyhedron.diameter
-    for certified in plan(name).grasps:
+    for certified in plan(name, effort).grasps:
         grasp = certified.grasp
         faces = np.array(grasp.faces)
         for p_BC, face in zip(grasp.p_BC, faces, strict=True):
@@ -78,8 +94,11 @@ def test_contacts_keep_their_distance_from_edges_and_tips_fit(name: str) -> None
 
 
 @every_object
-def test_grasps_are_on_different_sets_best_first_and_in_their_planes(name: str) -> None:
-    grasps = plan(name).grasps
+@every_effort
+def test_grasps_are_on_different_sets_best_first_and_in_their_planes(
+    name: str, effort: str
+) -> None:
+    grasps = plan(name, effort).grasps
     assert len({frozenset(certified.grasp.faces) for certified in grasps}) == len(grasps)
     lower = [certified.certificate.epsilon_lower for certified in grasps]
     assert (np.diff(lower) <= 1e-9).all()
@@ -111,8 +130,8 @@ def test_a_cube_is_held_from_corner_to_corner() -> None:
 @every_object
 def test_reasons_account_for_all_sets(name: str) -> None:
     n = len(erode(OBJECTS[name].polyhedron).face)
-    for steps in STEPS:
-        found = plan(name, steps)
+    for how in (*STEPS, "quick"):
+        found = plan(name, how)
         assert found.num_sets == comb(n, 3) + comb(n, 2)
         assert sum(found.reasons.values()) == found.num_sets
         assert found.num_certified >= len(found.grasps)
@@ -150,7 +169,7 @@ def test_with_many_regions_only_the_chosen_sets_are_evaluated_and_nothing_is_los
 ) -> None:
     few = plan("many faces")
     assert few.reasons["not_evaluated"] > 0.9 * few.num_sets
-    monkeypatch.setattr(pipeline, "MANY_REGIONS", 1000)
+    monkeypatch.setattr(proposals, "MANY_REGIONS", 1000)
     assert best(few) > 0.9 * best(plan_grasps(OBJECTS["many faces"]))
 
 
@@ -173,10 +192,61 @@ def test_a_plan_repeats() -> None:
         np.testing.assert_array_equal(one.grasp.p_BC, other.grasp.p_BC)
 
 
+@every_object
+def test_quick_grasps_are_better_than_random_ones_and_little_worse_than_the_best(name: str) -> None:
+    quick = best(plan(name, "quick"))
+    assert quick >= measure.search(OBJECTS[name], random_triples)["epsilon"]
+    assert quick >= 0.8 * best(plan(name))
+
+
+def test_a_quick_grasp_keeps_out_of_corners_that_improvement_leads_into(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # Improved contacts in the corner of a floor and a wall: the tips of none of them fit.
+    corner = shapely.box(0, 0, 0.1, 0.02).union(shapely.box(0, 0, 0.02, 0.1))
+    object_ = solid(prism(corner, 0.05))
+    deep = object_.polyhedron.diameter / 100
+
+    def into_the_corner(_: Regions, starts: Triples, *__: object) -> Triples:
+        p_BC = starts.p_BC.copy()
+        for axis, other in ((0, 1), (1, 0)):
+            on_wall = np.isclose(p_BC[..., axis], 0.02) & (p_BC[..., other] > 0.02)
+            p_BC[on_wall, other] = 0.02 + deep
+        return Triples(starts.region, p_BC)
+
+    monkeypatch.setattr(proposals, "improved_triples", into_the_corner)
+    monkeypatch.setattr(pipeline, "enriched", None)  # quick's own, not those that would follow
+    found = plan_grasps(object_, effort="quick", tip_radius=3 * deep)
+    assert found.grasps
+    for certified in found.grasps:
+        grasp = certified.grasp
+        assert tip_fits(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B, 3 * deep).all()
+
+
+def test_where_a_quick_search_finds_none_the_full_one_follows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nothing = contenders(task_of(cube()), unplanned(np.array([[0, 1, 2]])), proposals.NO_TRIPLES)
+    monkeypatch.setattr(pipeline, "quick", lambda *_: nothing)
+    found, full = plan_grasps(cube(), effort="quick"), plan("cube")
+    assert found.reasons == full.reasons
+    assert found.grasps[0].grasp.p_BC.tolist() == full.grasps[0].grasp.p_BC.tolist()
+    assert found.settings == full.settings | {"effort": "quick"}
+
+
+@pytest.mark.parametrize(
+    "options", [{"rank": "Q"}, {"rank": "margin"}, {"method": "paper"}, {"steps": Steps()}]
+)
+def test_quick_is_of_one_method_and_rank(options: dict[str, Any]) -> None:
+    with pytest.raises(UsageError, match="'quick' is for all steps of 'enriched'"):
+        plan_grasps(cube(), effort="quick", **options)
+
+
 def test_an_object_that_cannot_be_held_has_reasons() -> None:
     corners = 0.04 * np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1.0]])
     tetrahedron = solid(corners[[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]], mu=0.3)
     found = plan_grasps(tetrahedron)
+    assert plan_grasps(tetrahedron, effort="quick").reasons == found.reasons
     assert not found.grasps
     assert found.reasons == {"orientation": 10}
     assert found.mu_needed == pytest.approx(np.tan(np.arcsin(1 / 3)))

@@ -18,8 +18,9 @@ from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.geometry.seating import tip_fits
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning import search, set_cover
+from drake_polygrasp.planning.effort import FULL, QUICK
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
-from drake_polygrasp.planning.sample_points import POINTS, sample_points
+from drake_polygrasp.planning.sample_points import num_points, sample_points
 from drake_polygrasp.planning.search import (
     Triples,
     best_triples,
@@ -86,9 +87,22 @@ def test_sample_points_lie_in_their_regions_in_every_one_of_them_and_at_the_corn
     assert shapely.distance(own, shapely.points(corners)).max() < 1e-9
 
 
+def test_of_more_regions_than_points_the_largest_have_one() -> None:
+    regions = erode(solid(ellipsoid_hull(60, 1)).polyhedron)
+    region, _ = sample_points(regions, 20)
+    assert sorted(region.tolist()) == sorted(np.argsort(-regions.area)[:20].tolist())
+
+
+def test_few_regions_have_as_many_points_as_asked_for_and_many_no_more_than_that() -> None:
+    numbers = [num_points(n, 100, 1300) for n in (6, 40, 60, 100, 150, 300, 900, 2000)]
+    assert numbers == [100, 100, 150, 250, 250, 390, 1170, 1300]
+    assert num_points(400, QUICK.points, QUICK.most_points) == QUICK.most_points
+
+
 def test_without_regions_there_are_no_triples() -> None:
     regions = erode(cube().polyhedron, edge_clearance=1.0)
-    assert not len(best_triples(regions, NONE, np.zeros(3), 1.0).region)
+    points = sample_points(regions, FULL.points)
+    assert not len(best_triples(regions, points, NONE, np.zeros(3), 1.0).region)
 
 
 @pytest.mark.parametrize(
@@ -104,9 +118,9 @@ def test_triples_hold_and_beat_random_ones_of_the_same_points(object_: GraspObje
         bound[holds] = epsilon_upper_bound(triples.p_BC[holds], nhat[holds], mu[holds], *scale)
         return bound
 
-    found = best_triples(regions, NONE, *scale)
+    region, p_FC = points = sample_points(regions, FULL.points)
+    found = best_triples(regions, points, NONE, *scale)
     assert (bounds(found) > 0).all()
-    region, p_FC = sample_points(regions, POINTS)
     rows = np.random.default_rng(5).integers(0, len(region), (2000, 3))
     drawn = Triples(region[rows], points_on(regions, region, p_FC)[rows])
     assert bounds(found).max() >= 0.97 * bounds(drawn).max()
@@ -171,7 +185,8 @@ def test_while_nothing_holds_the_search_goes_on(monkeypatch: pytest.MonkeyPatch)
         looked.append(len(triples.region))
         return holding(regions, triples)[: None if len(looked) > 1 + passes else 0]
 
-    holding, passes = search._holding, len(search.STRIDES) - 1
+    holding, passes = search._holding, len(FULL.strides) - 1
     monkeypatch.setattr(search, "_holding", short_sighted)
-    assert len(best_triples(regions, NONE, box.p_BBcm, box.rho).region)
+    points = sample_points(regions, FULL.points)
+    assert len(best_triples(regions, points, NONE, box.p_BBcm, box.rho).region)
     assert len(looked) == 2 + passes <= 1 + search.MOST_PASSES

@@ -81,6 +81,21 @@ class SetPlan:
     """Sets with a non-empty P, in the order of sets; NaN contacts where Section 7 failed."""
 
 
+def unplanned(sets: Ints) -> SetPlan:
+    """Sets (M, 3) that no stage has seen, without candidates."""
+    none, points = np.empty(0, dtype=np.int64), np.empty((0, 3))
+    candidates = Candidates(
+        none,
+        np.empty((0, 3), dtype=np.int64),
+        none.astype(bool),
+        np.empty((0, 3, 3)),
+        points,
+        points,
+        np.empty((0, 5)),
+    )
+    return SetPlan(sets, np.full(len(sets), UNJUDGED, dtype=np.int8), candidates)
+
+
 def has_contacts(p_BC: Array) -> Bools:
     """Whether all contacts of each row were constructed, shape (C, 3, 3) to (C,)."""
     constructed: Bools = np.logical_and.reduce(np.isfinite(p_BC), axis=(1, 2))

@@ -9,34 +9,33 @@ import shapely
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
 
-POINTS = 100
-"""Sample points on objects of few regions, ours."""
-POINTS_A_REGION, SOME_POINTS = 2.5, 250
-"""Of more regions so many each, up to so many in all, ours."""
+POINTS_A_REGION = 2.5
+"""On objects of more than a few regions, ours."""
+MORE_POINTS = 2.5
+"""Times the points on objects of few regions, up to so many in all, ours."""
 LEAST_A_REGION = 1.3
-"""Ours, where that is more than `SOME_POINTS`."""
-MOST_POINTS = 1200
-"""Ours: 3e8 triples, some seconds; of more regions the largest are sampled."""
+"""Ours, where that is more."""
 OUTLINE = 0.05
 """Times the distance of points, ours: regions of scans have corners that are none."""
 
 
-def num_points(num_regions: int) -> int:
-    """How many points to sample on so many regions."""
-    some = min(int(POINTS_A_REGION * num_regions), SOME_POINTS)
-    return max(POINTS, some, int(LEAST_A_REGION * num_regions))
+def num_points(num_regions: int, few: int, most: int) -> int:
+    """How many points to sample on so many regions: of few regions `few`, of many up to `most`."""
+    some = min(POINTS_A_REGION * num_regions, MORE_POINTS * few)
+    return min(int(max(few, some, LEAST_A_REGION * num_regions)), most)
 
 
 def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
     """A point in the middle of each region and others on rings, equally far apart.
 
-    The best contacts are often at a region's corners, which the outermost ring includes.
+    About `num` points; of more regions only the largest have one. The best contacts are often at a
+    region's corners, which the outermost ring includes.
 
     Returns:
         Region, shape (N,), and coordinates in the face's frame [m], shape (N, 2).
     """
     filled = np.flatnonzero(~shapely.is_empty(regions.polygon_F))
-    largest = np.argsort(-regions.area[filled], kind="stable")[:MOST_POINTS]
+    largest = np.argsort(-regions.area[filled], kind="stable")[:num]
     row = filled[np.sort(largest)]
     level = regions.polygon_F[row]
     spacing = _spacing(level, num)

@@ -14,24 +14,15 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.epsilon_bound import COARSE_TURNS, critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.planning.effort import FULL, Effort
 from drake_polygrasp.planning.face_support import points_on
-from drake_polygrasp.planning.sample_points import POINTS, sample_points
 from drake_polygrasp.planning.set_cover import Singles, cover
 from drake_polygrasp.wrench import force_closure, frame_wrenches
 
-STRIDES = (4, 2, 1)
-"""Each pass searches every so many of the points, ours: those before it cost little, and tell it
-the directions that their winners resist least."""
 MANY_POINTS = 160
 """Ours: of fewer points the first pass would see too few."""
 MOST_PASSES = 5
 """Ours, where none of the triples holds yet, as on flat objects that lie on a table."""
-SOURCES = 24
-"""Grasps whose weakest directions are taken in each pass, ours."""
-KEPT = 400
-"""Triples kept in each pass at least, ours; of many points, as many."""
-DRAWN = 3000
-"""Triples drawn where no grasp is known before, ours."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,37 +47,43 @@ def joined(first: Triples, second: Triples) -> Triples:
 
 
 def best_triples(
-    regions: Regions, known: Triples, p_BBcm: Array, rho: float, num: int = POINTS
+    regions: Regions,
+    points: tuple[Ints, Array],
+    known: Triples,
+    p_BBcm: Array,
+    rho: float,
+    effort: Effort = FULL,
 ) -> Triples:
     """The triples of sample points that the weakest directions of grasps bound least.
 
     Args:
         regions: where contacts may be; polygons may be empty or have several parts.
+        points: where they are tried, as of `sample_points`.
         known: some grasps that hold, best first; where there is none, random ones are drawn.
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
-        num: how many points to sample, at least one in each region.
+        effort: how long is searched.
 
     Returns:
-        Triples that are force closure, at most as many as points or `KEPT` from each pass, those
-        of the last one first.
+        Triples that are force closure, at most as many as points or `effort.kept` from each pass,
+        those of the last one first.
     """
-    region, p_FC = sample_points(regions, num)
+    region, p_FC = points
     if len(region) < 3:
         return known.take(np.arange(0))
     p_BC = points_on(regions, region, p_FC)
     cones = frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
     if not len(known.region):
-        known = _drawn(regions, region, p_BC)
-    strides = STRIDES[len(region) < MANY_POINTS :]
+        known = _drawn(regions, region, p_BC, effort.drawn)
+    strides = effort.strides[len(region) < MANY_POINTS :]
     w, found = np.empty((0, 6)), known.take(np.arange(0))
-    sources = known.take(np.arange(min(SOURCES, len(known.region))))
+    sources = known.take(np.arange(min(effort.sources, len(known.region))))
     for number in range(MOST_PASSES):
         if number >= len(strides) and len(found.region):
             break
         w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
         some = np.arange(0, len(region), strides[min(number, len(strides) - 1)])
-        rows = some[cover(_support(cones[some], w), max(KEPT, len(some)))]
+        rows = some[cover(_support(cones[some], w), max(effort.kept, len(some)))]
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
         holds, slips = (
@@ -94,7 +91,9 @@ def best_triples(
             triples.take(np.setdiff1d(np.arange(len(rows)), holding)),
         )
         found = joined(holds, found)
-        sources = joined(_first_of_sets(holds, SOURCES), _first_of_sets(slips, SOURCES))
+        sources = joined(
+            _first_of_sets(holds, effort.sources), _first_of_sets(slips, effort.sources)
+        )
     return found
 
 
@@ -126,12 +125,12 @@ def _holding(regions: Regions, triples: Triples) -> Ints:
     return np.flatnonzero(force_closure(triples.p_BC, nhat, mu))
 
 
-def _drawn(regions: Regions, region: Ints, p_BC: Array) -> Triples:
+def _drawn(regions: Regions, region: Ints, p_BC: Array, num: int) -> Triples:
     """Random triples, those that hold first."""
-    rows = np.random.default_rng(0).integers(0, len(region), (DRAWN, 3))
+    rows = np.random.default_rng(0).integers(0, len(region), (num, 3))
     triples = Triples(region[rows], p_BC[rows])
     holds = _holding(regions, triples)
-    slips = np.setdiff1d(np.arange(DRAWN), holds)
+    slips = np.setdiff1d(np.arange(num), holds)
     return joined(triples.take(holds), triples.take(slips))
 
 

@@ -10,13 +10,15 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Bools, Ints
 from drake_polygrasp.planning.planar import ranges
 
 Singles = npt.NDArray[np.float32]
 Words = npt.NDArray[np.uint64]
 ENOUGH = 0.75
 """Of the triples wanted, ours: for fewer the search is repeated with a lower threshold."""
+_SAMPLE = 500
+"""Triples that a first threshold is guessed from, ours."""
 _BLOCK = 8
 """Times the number wanted: triples collected before the threshold is raised."""
 _AT_ONCE = 400_000
@@ -46,11 +48,11 @@ def cover(h: Singles, num: int) -> Ints:
 def _thresholds(h: Singles, num: int) -> Singles:
     """Falling thresholds, from one that some more than `num` triples should pass to none at all."""
     N = len(h)
-    sample = np.random.default_rng(0).integers(0, N, (500, 3))
-    height = _heights(h, sample)
+    sample = np.random.default_rng(0).integers(0, N, (_SAMPLE, 3))
+    height = np.sort(_heights(h, sample))
     share = min(1.0, max(20 * num / N**3, 1e-3))
-    shares = np.geomspace(share, 1.0, 4)
-    return np.append(np.quantile(height, 1.0 - shares), -np.inf)
+    passing = share ** np.array([1.0, 2 / 3, 1 / 3])
+    return np.append(height[((1.0 - passing) * _SAMPLE).astype(int)], -np.inf)
 
 
 def _above(h: Singles, threshold: float, num: int) -> Ints:

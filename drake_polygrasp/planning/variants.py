@@ -15,6 +15,7 @@ import shapely
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.planning.effort import FULL, Effort
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import Triples, set_numbers
@@ -25,14 +26,9 @@ SPREADS = (0.5, 0.9)
 
 The text's 0.5 defeats its own aim of a large triangle; on most objects 0.9 holds better.
 """
-STARTS = 12
-"""Triples that are improved, ours."""
 PLACES = 2
-"""Of them at most so many on one set of regions, ours: the next best are often the same place."""
-FINALISTS = 4
-"""Triples that are improved to the end, ours."""
-ROUNDS = 8
-"""Of improvement, ours."""
+"""Triples that are improved on one set of regions at most, ours: the next best are often the same
+place."""
 EQUAL_BOUND = 1e-9
 """Relative, ours: bounds nearer than this are a tie."""
 
@@ -49,7 +45,9 @@ class Steps:
     """improvement.py: contacts move while epsilon rises."""
 
 
-def improved_triples(regions: Regions, starts: Triples, p_BBcm: Array, rho: float) -> Triples:
+def improved_triples(
+    regions: Regions, starts: Triples, p_BBcm: Array, rho: float, effort: Effort = FULL
+) -> Triples:
     """The best of the triples, improved: all a little, those that lead then to the end.
 
     Args:
@@ -57,11 +55,14 @@ def improved_triples(regions: Regions, starts: Triples, p_BBcm: Array, rho: floa
         starts: any number of triples, all `usable`.
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
+        effort: how many are improved, and how long.
     """
-    starts = starts.take(best_places(regions, starts, p_BBcm, rho, STARTS, PLACES))
+    starts = starts.take(best_places(regions, starts, p_BBcm, rho, effort.starts, PLACES))
     if not len(starts.region):
         return starts
-    p_BC, _ = improved(regions, starts.region, starts.p_BC, p_BBcm, rho, ROUNDS, FINALISTS)
+    p_BC, _ = improved(
+        regions, starts.region, starts.p_BC, p_BBcm, rho, effort.rounds, effort.finalists
+    )
     return Triples(starts.region, p_BC)
 
 

@@ -1,0 +1,57 @@
+"""Beyond the paper: how long grasps are sought before the best are proved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+EffortName = Literal["full", "quick"]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Sizes of search and improvement, ours."""
+
+    points: int
+    """Sample points on objects of few regions."""
+    most_points: int
+    """On objects of many; of more regions the largest have one."""
+    strides: tuple[int, ...]
+    """Each pass searches every so many of the points: those before the last cost little, and tell
+    it the directions that their winners resist least."""
+    sources: int
+    """Grasps whose weakest directions are taken in each pass."""
+    kept: int
+    """Triples kept in each pass at least; of many points, as many."""
+    drawn: int
+    """Triples drawn where no grasp is known before."""
+    starts: int
+    """Triples that are improved."""
+    rounds: int
+    """Of improvement."""
+    finalists: int
+    """Triples that are improved to the end."""
+
+
+FULL = Effort(
+    points=100,
+    most_points=1300,
+    strides=(4, 2, 1),
+    sources=24,
+    kept=400,
+    drawn=3000,
+    starts=12,
+    rounds=8,
+    finalists=4,
+)
+QUICK = Effort(
+    points=60,
+    most_points=150,
+    strides=(2, 1, 1),
+    sources=12,
+    kept=100,
+    drawn=600,
+    starts=6,
+    rounds=2,
+    finalists=6,
+)

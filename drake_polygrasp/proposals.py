@@ -1,0 +1,85 @@
+"""Candidate grasps of a task: the paper's, and those beyond it, before any is proved."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drake_polygrasp.contenders import Contenders, contenders, fits, is_clear
+from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.planning.effort import FULL, QUICK
+from drake_polygrasp.planning.face_support import points_on
+from drake_polygrasp.planning.outcome import SetPlan, has_contacts, unplanned
+from drake_polygrasp.planning.sample_points import num_points, sample_points
+from drake_polygrasp.planning.search import (
+    Triples,
+    best_triples,
+    first_of_each_set,
+    joined,
+    sets_of,
+)
+from drake_polygrasp.planning.tip_room import with_tip_room
+from drake_polygrasp.planning.variants import Steps, best_first, improved_triples, usable
+from drake_polygrasp.task import Task
+
+MANY_REGIONS = 24
+"""Ours: of more, only the sets that the search finds go through the paper's stages."""
+CHOSEN_SETS = 100
+"""How many sets the search then chooses, ours."""
+RESERVE = 4
+"""Times the grasps wanted, ours: triples that stay as they were found."""
+NO_TRIPLES = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
+
+
+def constructed(task: Task, steps: Steps) -> Contenders:
+    """The paper's stages on every set."""
+    return contenders(task, task.plan(steps), None)
+
+
+def enriched(task: Task, steps: Steps) -> Contenders:
+    """The paper's constructions, triples of sample points, and the best of both improved."""
+    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    if not (steps.search or steps.improve):
+        return constructed(task, steps)
+    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
+    points = sample_points(clear, num_points(len(regions.face), FULL.points, FULL.most_points))
+    if steps.search and len(regions.face) > MANY_REGIONS:
+        found = best_triples(clear, points, NO_TRIPLES, *scale)
+        first = first_of_each_set(found.region)[:CHOSEN_SETS]
+        found, plan = found.take(first), task.plan(steps, sets_of(found.region[first]))
+        known = _known(clear, plan)
+    else:
+        plan = task.plan(steps)
+        known = _known(clear, plan)
+        found = best_triples(clear, points, known, *scale) if steps.search else NO_TRIPLES
+    triples = joined(known, found)
+    better = improved_triples(clear, triples, *scale) if steps.improve else found
+    return contenders(task, plan, better)
+
+
+def quick(task: Task, wanted: int) -> Contenders:
+    """Triples of sample points, and the best of them a little improved.
+
+    Sample points of flat faces without room for tips are left out, which costs less than cutting
+    regions. Where improvement then leads into a corner, the triples themselves remain.
+    """
+    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    num = num_points(len(regions.face), QUICK.points, QUICK.most_points)
+    region, p_FC = sample_points(regions, num)
+    contacts = points_on(regions, region, p_FC), regions.nhat_TB_B[region]
+    # The surface of a patch is not where its plane is.
+    is_patch = np.array([face.reach > 0 for face in task.object_.polyhedron.faces])
+    has_room = is_patch[regions.face[region]] | (fits(task, *contacts) & is_clear(task, *contacts))
+    found = best_triples(regions, (region[has_room], p_FC[has_room]), NO_TRIPLES, *scale, QUICK)
+    better = improved_triples(regions, found, *scale, QUICK)
+    first = first_of_each_set(found.region)[: RESERVE * wanted]
+    triples = joined(better, found.take(first))
+    sets = np.unique(sets_of(triples.region), axis=0)
+    return contenders(task, unplanned(sets), triples)
+
+
+def _known(regions: Regions, plan: SetPlan) -> Triples:
+    """The constructions that are usable, best Q first."""
+    rows = plan.candidates
+    rows = rows.take(has_contacts(rows.p_BC))
+    known = Triples(rows.region, rows.p_BC).take(best_first(rows.Q))
+    return known.take(usable(regions, known))
