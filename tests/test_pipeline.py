@@ -208,11 +208,13 @@ def test_a_quick_grasp_keeps_out_of_corners_that_improvement_leads_into(
     deep = object_.polyhedron.diameter / 100
 
     def into_the_corner(_: Regions, starts: Triples, *__: object) -> Triples:
-        p_BC = starts.p_BC.copy()
+        p_BC, moved = starts.p_BC.copy(), np.zeros(len(starts.region), dtype=bool)
         for axis, other in ((0, 1), (1, 0)):
             on_wall = np.isclose(p_BC[..., axis], 0.02) & (p_BC[..., other] > 0.02)
             p_BC[on_wall, other] = 0.02 + deep
-        return Triples(starts.region, p_BC)
+            moved |= on_wall.any(axis=1)
+        assert moved.any()
+        return Triples(starts.region[moved], p_BC[moved])
 
     monkeypatch.setattr(proposals, "improved_triples", into_the_corner)
     monkeypatch.setattr(pipeline, "enriched", None)  # quick's own, not those that would follow
