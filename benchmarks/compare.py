@@ -5,6 +5,7 @@
 Each object is loaded, planned and certified in a process of its own; another process searches it
 in other ways. epsilon is compared, a bound within half a percent. Peers:
 
+    quick       the planner with effort "quick", for one grasp
     random      best of 5,000 triples drawn by area on the same eroded faces
     random_x4   best of 20,000 of them
     antipodal   best of 5,000 antipodal pairs with a third contact drawn by area
@@ -86,7 +87,8 @@ def measure(subject: Subject, arguments: argparse.Namespace) -> dict[str, Any]:
         return _in_child({"task": task, **thing, **options}, arguments.timeout)
 
     result: dict[str, Any] = {"kind": subject.kind, "name": subject.name}
-    result["ours"] = ours = run("ours", method="enriched", repeat=arguments.repeat)
+    result["ours"] = ours = run("ours", repeat=arguments.repeat)
+    result["quick"] = run("ours", repeat=arguments.repeat, effort="quick", top=1)
     if arguments.alone:
         return result
     found = run("peers", repeat=arguments.repeat)

@@ -10,7 +10,7 @@ import resource
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import shapely
@@ -44,15 +44,15 @@ QUICK = 2.0
 Draw = Callable[[Surface, int, np.random.Generator], Triples]
 
 
-def ours(file: Path, mu: float | None, method: Literal["enriched", "paper"], repeat: int) -> Any:
+def ours(file: Path, mu: float | None, repeat: int, **options: Any) -> Any:
     """Seconds (the least of some runs), peak memory and the best grasp of the planner."""
-    plan_grasps(load_object(CUBE), method=method)  # imports and first calls are not timed
+    plan_grasps(load_object(CUBE), **options)  # imports and first calls are not timed
     runs: list[dict[str, float]] = []
     while len(runs) < repeat and (not runs or runs[-1]["plan"] < QUICK):
         stopwatch = Stopwatch()
         object_ = load_object(file, mu=mu)
         stopwatch.lap("load")
-        plan = plan_grasps(object_, method=method)
+        plan = plan_grasps(object_, **options)
         runs.append(stopwatch.seconds | plan.seconds)
     return {
         "faces": len(object_.polyhedron.faces),

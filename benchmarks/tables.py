@@ -13,25 +13,30 @@ from drake_polygrasp.arrays import Array
 
 Results = list[dict[str, Any]]
 
-PEERS = ("random", "random_x4", "antipodal", "paper", "best")
+PEERS = ("quick", "random", "random_x4", "antipodal", "paper", "best")
 TIMED = ("random", "random_x4")
-_ROW = "{:<20}{:>6}{:>8}{:>9}{:>9}{:>7}{:>9}{:>9}{:>9}{:>10}{:>8}{:>8}{:>10}"
+COMPARED = [("ours", peer) for peer in PEERS] + [("quick", peer) for peer in (*TIMED, "best")]
+"""Whose epsilon is divided by whose."""
+_ROW = "{:<20}{:>6}{:>8}{:>9}{:>9}{:>9}{:>7}{:>9}{:>8}{:>9}{:>9}{:>10}{:>8}{:>8}{:>10}{:>10}"
 HEADER = _ROW.format(
     "object",
     "faces",
     "load s",
     "plan s",
     "certify",
+    "quick s",
     "MB",
     "epsilon",
+    "/quick",
     "/random",
     "/rnd x4",
     "/antipod",
     "/paper",
     "/best",
     "t/random",
+    "tq/random",
 )
-_KIND = "{:<16}{:>4}  {:<12}{:>8}{:>8}{:>8}{:>9}"
+_KIND = "{:<16}{:>4}  {:<14}{:>8}{:>8}{:>8}{:>9}"
 
 
 def value(result: dict[str, Any], *path: str) -> float:
@@ -44,15 +49,15 @@ def value(result: dict[str, Any], *path: str) -> float:
     return float(found)
 
 
-def ratio(result: dict[str, Any], peer: str) -> float:
+def ratio(result: dict[str, Any], peer: str, ours: str = "ours") -> float:
     """Our epsilon over a peer's; nan where it has none."""
     theirs = value(result, peer, "epsilon")
-    return value(result, "ours", "epsilon") / theirs if theirs > 0 else float("nan")
+    return value(result, ours, "epsilon") / theirs if theirs > 0 else float("nan")
 
 
-def time_ratio(result: dict[str, Any], peer: str = "random") -> float:
-    """Our seconds to plan ten grasps over a random search's for its one."""
-    return value(result, "ours", "seconds", "plan") / value(result, peer, "seconds", "total")
+def time_ratio(result: dict[str, Any], peer: str, ours: str = "ours") -> float:
+    """Our seconds to plan, ten grasps or quickly one, over a random search's for its one."""
+    return value(result, ours, "seconds", "plan") / value(result, peer, "seconds", "total")
 
 
 def row(result: dict[str, Any]) -> str:
@@ -62,10 +67,11 @@ def row(result: dict[str, Any]) -> str:
         result["name"],
         f"{value(result, 'ours', 'faces'):.0f}",
         *(f"{s:.3f}" for s in seconds),
+        f"{value(result, 'quick', 'seconds', 'plan'):.3f}",
         f"{value(result, 'ours', 'megabytes'):.0f}",
         f"{value(result, 'ours', 'epsilon'):.4f}",
         *(f"{ratio(result, peer):.2f}" for peer in PEERS),
-        f"{time_ratio(result):.1f}",
+        *(f"{time_ratio(result, 'random', ours):.1f}" for ours in ("ours", "quick")),
     )
     errors = [
         f"  {method}: {found['error']}"
@@ -84,21 +90,25 @@ def kinds_table(results: Results) -> str:
         if result["kind"] != "models":
             groups["all others"].append(result)
     for kind, members in groups.items():
-        for peer in PEERS:
-            ratios = _known(ratio(result, peer) for result in members)
+        for ours, peer in COMPARED:
+            ratios = _known(ratio(result, peer, ours) for result in members)
             if len(ratios):
                 spread = (np.median(ratios), np.percentile(ratios, 2), ratios.min())
                 share = f"{100 * (ratios >= 1).mean():.0f} %"
                 numbers = (f"{r:.3f}" for r in spread)
-                lines.append(_KIND.format(kind, len(ratios), peer, *numbers, share))
-        for peer in TIMED:
-            times = _known(time_ratio(result, peer) for result in members)
+                name = peer if ours == "ours" else f"q / {peer}"
+                lines.append(_KIND.format(kind, len(ratios), name, *numbers, share))
+        for ours, peer in itertools.product(("ours", "quick"), TIMED):
+            times = _known(time_ratio(result, peer, ours) for result in members)
             if len(times):
                 slow = (np.median(times), np.percentile(times, 98), times.max())
                 numbers = (f"{t:.2f}" for t in slow)
                 share = f"{100 * (times >= 1).mean():.0f} %"
-                lines.append(_KIND.format(kind, len(times), f"t({peer})", *numbers, share))
-    return "\n".join([*lines, "(t(...): of seconds; median, 98th percentile, most)", ""])
+                name = f"t({peer})" if ours == "ours" else f"tq({peer})"
+                lines.append(_KIND.format(kind, len(times), name, *numbers, share))
+    return "\n".join(
+        [*lines, "(t: of seconds; median, 98th percentile, most. q: quick, one grasp)", ""]
+    )
 
 
 def stages_table(results: Results) -> str:
@@ -119,8 +129,9 @@ def growth_table(results: Results) -> str:
         family, _, rest = result["name"].partition("_")
         if family in ("ellipsoid", "tangent") and "sets" in result["ours"]:
             sizes[family][int(rest.partition("_")[0])].append(result["ours"])
-    form = "{:<12}{:>6}{:>10}{:>9}{:>9}{:>8}{:>10}"
-    lines = [form.format("growth", "faces", "plan s", "exponent", "certify", "MB", "random s")]
+    form = "{:<12}{:>6}{:>10}{:>9}{:>9}{:>9}{:>8}{:>10}"
+    heads = ("growth", "faces", "plan s", "exponent", "certify", "quick s", "MB", "random s")
+    lines = [form.format(*heads)]
     for family, members in sizes.items():
         plans = {n: np.median([r["seconds"]["plan"] for r in runs]) for n, runs in members.items()}
         exponents = {
@@ -130,11 +141,9 @@ def growth_table(results: Results) -> str:
         for n, runs in sorted(members.items()):
             certify = np.median([r["seconds"]["certify"] for r in runs])
             memory = np.median([r["megabytes"] for r in runs])
-            searched = _known(
-                value(r, "random", "seconds", "total")
-                for r in results
-                if r["name"].startswith(f"{family}_{n}_")
-            )
+            same = [r for r in results if r["name"].startswith(f"{family}_{n}_")]
+            quick = _known(value(r, "quick", "seconds", "plan") for r in same)
+            searched = _known(value(r, "random", "seconds", "total") for r in same)
             lines.append(
                 form.format(
                     family,
@@ -142,6 +151,7 @@ def growth_table(results: Results) -> str:
                     f"{plans[n]:.3f}",
                     exponents.get(n, ""),
                     f"{certify:.3f}",
+                    f"{np.median(quick):.3f}" if len(quick) else "",
                     f"{memory:.0f}",
                     f"{np.median(searched):.3f}" if len(searched) else "",
                 )

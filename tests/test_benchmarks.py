@@ -27,7 +27,7 @@ from benchmarks.peers import (
     surface_of,
     upper_bound,
 )
-from benchmarks.tables import growth_table, kinds_table, row
+from benchmarks.tables import HEADER, growth_table, kinds_table, row
 from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.wrench import force_closure
@@ -128,16 +128,24 @@ def test_there_are_sixty_generated_objects_of_many_kinds(tmp_path: Path) -> None
 
 
 def test_ratios_are_ours_over_theirs() -> None:
-    def result(name: str, ours: float, theirs: float) -> dict[str, object]:
+    def result(name: str, ours: float, quick: float, theirs: float) -> dict[str, object]:
         seconds = {"load": 0.0, "plan": 0.5, "certify": 0.0}
         mine = {"epsilon": ours, "sets": 1, "faces": 6, "seconds": seconds, "megabytes": 1.0}
+        quickly = mine | {"epsilon": quick, "seconds": {"plan": 0.125}}
         random = {"epsilon": theirs, "seconds": {"total": 0.25}}
-        return {"kind": "k", "name": name, "ours": mine, "random": random}
+        return {"kind": "k", "name": name, "ours": mine, "quick": quickly, "random": random}
 
-    results = [result("ellipsoid_10_s0", 0.3, 0.2), result("ellipsoid_30_s0", 0.1, 0.2)]
-    assert row(results[0]).split()[7] == "1.50"
-    line = kinds_table(results).splitlines()[1]
-    assert line.split() == ["k", "2", "random", "1.000", "0.520", "0.500", "50", "%"]
+    results = [
+        result("ellipsoid_10_s0", 0.3, 0.15, 0.2),
+        result("ellipsoid_30_s0", 0.1, 0.05, 0.2),
+    ]
+    printed = dict(zip(HEADER.replace(" s ", "_s ").split(), row(results[0]).split(), strict=False))
+    assert (printed["/quick"], printed["/random"], printed["quick_s"]) == ("2.00", "1.50", "0.125")
+    lines = [line.split() for line in kinds_table(results).splitlines()]
+    assert ["k", "2", "random", "1.000", "0.520", "0.500", "50", "%"] in lines
+    assert ["k", "2", "q", "/", "random", "0.500", "0.260", "0.250", "0", "%"] in lines
+    assert ["k", "2", "t(random)", "2.00", "2.00", "2.00", "100", "%"] in lines
+    assert ["k", "2", "tq(random)", "0.50", "0.50", "0.50", "0", "%"] in lines
     assert "0.00" in growth_table(results)
 
 
@@ -158,4 +166,5 @@ def test_the_command_prints_its_tables(tmp_path: Path) -> None:
     assert "wedge" in done.stdout
     (result,) = json.loads(out.read_text())
     assert result["ours"]["epsilon"] > 0.05
+    assert result["quick"]["epsilon"] > 0.04
     assert result["ours"]["megabytes"] > 50
