@@ -133,8 +133,21 @@ class Contenders:
         scale = self.task.object_.p_BBcm, self.task.object_.rho
         return epsilon_interval(p_BC, nhat_TB_B, mu, *scale, at_least=at_least)
 
-    def certified(self, row: int, proof: Proof, epsilon: Interval | None = None) -> CertifiedGrasp:
-        """A proved candidate with its certificate."""
+    def certified(
+        self, rows: Ints, proofs: list[Proof], intervals: list[Interval | None]
+    ) -> tuple[CertifiedGrasp, ...]:
+        """Proved candidates with their certificates; None where epsilon is not measured yet."""
+        p_BC, face = self.candidates.p_BC[rows], self.face[rows]
+        polyhedron = self.task.object_.polyhedron
+        clearance = edge_distance(polyhedron, p_BC.reshape(-1, 3), face.ravel()).reshape(-1, 3)
+        return tuple(
+            self._certified(*each)
+            for each in zip(rows.tolist(), proofs, intervals, clearance.min(axis=1), strict=True)
+        )
+
+    def _certified(
+        self, row: int, proof: Proof, epsilon: Interval | None, clearance: float
+    ) -> CertifiedGrasp:
         rows, object_ = self.candidates, self.task.object_
         a, b, c = self.face[row].tolist()
         grasp = Grasp(
@@ -146,13 +159,12 @@ class Contenders:
             GraspPlane(frozen(rows.nhat_B[row]), frozen(rows.p_BP[row])),
             self._quality(row),
         )
-        clearance = edge_distance(object_.polyhedron, grasp.p_BC, self.face[row])
         certified = certify(
             grasp,
             mass=object_.mass,
             p_BBcm=object_.p_BBcm,
             rho=object_.rho,
-            edge_distance=float(clearance.min()),
+            edge_distance=float(clearance),
             proof=proof,
             epsilon=epsilon,
         )

@@ -19,7 +19,7 @@ _CHUNK = 256
 """Grasps at a time, which keeps the arrays of their directions in the cache."""
 _TINY = 1e-100
 """Keeps divisions finite."""
-_LEVEL = 1e-9
+_LEVEL = 1e-12
 """Ours: rates of less count as this much."""
 _ORDERS = np.array(list(itertools.permutations(range(3)))).T
 TURNS = 16

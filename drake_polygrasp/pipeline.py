@@ -111,7 +111,8 @@ def plan_grasps(
         object_: what to grasp; friction is that of its faces.
         method: "paper" constructs one grasp for each set of faces as the text says; "enriched"
             also tries variants of it and, ranking by epsilon, other contacts on the same faces.
-        top: how many grasps to return at most, one for each set of faces.
+        top: how many grasps to return at most, one for each set of faces; of a face that the
+            clearance cuts in two, each part counts as one.
         rank: what puts one grasp before another (default: "epsilon"; "Q" for the paper).
         edge_clearance: least distance of a contact from its face's edges [m] (default: 0.01 L or
             a fifth of the face's inradius, whichever is less).
@@ -265,13 +266,19 @@ def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ran
 def _certified(
     work: Contenders, proofs: dict[int, Proof], ranked: list[_Ranked], rank: Rank, top: int
 ) -> tuple[CertifiedGrasp, ...]:
-    """The `top` best with their certificates.
+    """The `top` best with their certificates."""
+    measured = _of_greatest_epsilon(work, ranked, top) if rank == "epsilon" else {}
+    rows = list(measured) or [entry.row for entry in ranked[:top]]
+    epsilons = [measured.get(row) for row in rows]
+    return work.certified(np.array(rows, dtype=np.int64), [proofs[row] for row in rows], epsilons)
 
-    The score of rank "epsilon" is an upper bound: candidates are measured until that of none of the
-    rest is above the intervals of the best by more than these are wide.
+
+def _of_greatest_epsilon(work: Contenders, ranked: list[_Ranked], top: int) -> dict[int, Interval]:
+    """The `top` rows of greatest epsilon, best first, with its bounds.
+
+    Scores are upper bounds: candidates are measured until that of none of the rest is above the
+    intervals of the best by more than these are wide.
     """
-    if rank != "epsilon":
-        return tuple(work.certified(entry.row, proofs[entry.row]) for entry in ranked[:top])
     found: list[tuple[_Ranked, Interval]] = []
     for entry in ranked:
         full = len(found) == top
@@ -281,4 +288,4 @@ def _certified(
         epsilon = work.epsilon(entry.row, at_least=-found[-1][0].score if full else 0.0)
         found.append((replace(entry, score=-round(epsilon.lower, 9)), epsilon))
         found = sorted(found, key=lambda pair: pair[0])[:top]
-    return tuple(work.certified(e.row, proofs[e.row], epsilon) for e, epsilon in found)
+    return {entry.row: epsilon for entry, epsilon in found}

@@ -14,6 +14,7 @@
 | 4-7 | the flow chart | planner.py | plan_sets | test_reference_planner.py |
 | 4-7 | what becomes of a set | outcome.py | REASONS, SetPlan | test_reference_planner.py |
 | beyond | which steps, and which grasps they start from | variants.py | Steps, improved_triples | test_improvement.py |
+| beyond | how long is searched | effort.py | FULL, QUICK | test_pipeline.py |
 | beyond | points on faces | sample_points.py | sample_points | test_search.py |
 | beyond | triples of them, however many | search.py | best_triples | test_search.py |
 | beyond | three that reach highest in all directions | set_cover.py | cover | test_search.py |

@@ -22,7 +22,7 @@ _SAMPLE = 500
 _BLOCK = 8
 """Times the number wanted: triples collected before the threshold is raised."""
 _AT_ONCE = 400_000
-"""Ours: pairs times directions or points looked at together, some megabytes."""
+"""Ours: pairs times points looked at together, some megabytes."""
 _CACHED = 150_000
 """Numbers gathered at once, which stay in the cache."""
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
@@ -82,7 +82,7 @@ class _Covers:
     def __init__(self, above: Bools) -> None:
         N, K = above.shape
         rarest_first = np.argsort(above.sum(axis=0), kind="stable")
-        # A last direction, or some, that all cover stand for none.
+        # Directions that all points cover fill the last word; the very last stands for none.
         num_words = K // 64 + 1
         covered = np.ones((64 * num_words, N), dtype=bool)
         covered[:K] = above.T[rarest_first]
