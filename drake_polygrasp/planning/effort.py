@@ -46,7 +46,7 @@ FULL = Effort(
 )
 QUICK = Effort(
     points=60,
-    most_points=150,
+    most_points=250,
     strides=(2, 1, 1),
     sources=12,
     kept=100,
