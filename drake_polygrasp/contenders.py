@@ -34,6 +34,8 @@ from drake_polygrasp.task import Codes, Task, rows_of
 from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
 
+JUDGED_AT_ONCE = 4
+"""Sets at least, ours: to judge one on a scan takes as long as to judge several."""
 KINDS: tuple[Kind, ...] = ("three_faces", "three_parallel_faces", "two_faces")
 
 _OUTCOME = {
@@ -120,7 +122,8 @@ class Contenders:
                 break
             _, first = np.unique(set_index[rows], return_index=True)
             fresh = np.sort(first[~np.isin(set_index[rows[first]], held)])
-            last = fresh[missing - 1] if missing <= len(fresh) else -1
+            judged = max(missing, JUDGED_AT_ONCE)
+            last = fresh[judged - 1] if judged <= len(fresh) else -1
             # Whole ties, so that which of them are judged does not depend on their order.
             count = int(np.searchsorted(-score, -score[last], side="right"))
             proofs |= self.judge(rows[:count])
