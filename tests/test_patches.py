@@ -13,7 +13,8 @@ from drake_polygrasp.geometry.patches import PATCH_ANGLE, PATCH_DEPTH
 from drake_polygrasp.geometry.polyhedron import Polyhedron, erode, volume_centroid
 from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
-from drake_polygrasp.geometry.triangles import diameter, unit_normals, winding_numbers
+from drake_polygrasp.geometry.triangle_soup import TriangleSoup
+from drake_polygrasp.geometry.triangles import diameter, unit_normals
 from drake_polygrasp.pipeline import plan_grasps
 from tests.common import damaged, random_rotations, round_body
 from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism
@@ -194,7 +195,7 @@ def test_winding_numbers_are_those_of_solid_angles() -> None:
     points[:50] = body.mean(axis=1)[rng.integers(len(body), size=50)] + 1e-3 * rng.normal(
         size=(50, 3)
     )
-    found = winding_numbers(points, body)
+    found = TriangleSoup(body).winding_numbers(points)
     np.testing.assert_array_equal(found, np.round(winding_number(points, body)))
     assert set(found.tolist()) >= {0, 1, 2}
 
@@ -203,7 +204,7 @@ def test_rays_through_edges_and_vertices_count_once() -> None:
     cube = prism(shapely.box(-1, -1, 1, 1), 2.0) - Z
     lattice = np.stack(np.meshgrid(*[np.arange(-2, 2.5, 0.5) + 1e-9] * 3), axis=-1).reshape(-1, 3)
     inside = (np.abs(lattice) < 1).all(axis=1)
-    np.testing.assert_array_equal(winding_numbers(lattice, cube), inside.astype(int))
+    np.testing.assert_array_equal(TriangleSoup(cube).winding_numbers(lattice), inside.astype(int))
 
 
 @pytest.mark.parametrize("seed", range(4))

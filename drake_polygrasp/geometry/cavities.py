@@ -17,7 +17,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.shells import connected_components
-from drake_polygrasp.geometry.triangles import winding_numbers
+from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 
 _CELLS = 128
 """Per diameter L, ours: cells of 0.008 L, so that spheres of 0.0135 L, smaller than a fingertip,
@@ -74,7 +74,7 @@ def find_cavities(
     rooms = np.unique(room[room != room[0]])  # The first cell is outside.
     first = np.searchsorted(run.ravel(), rooms)
     middle = low + side * (np.column_stack(np.unravel_index(first, free.shape)) + 0.5)
-    solid = winding_numbers(middle, triangles[closed]) > 0
+    solid = TriangleSoup(triangles[closed]).winding_numbers(middle) > 0
     for primitive in primitives:
         solid |= primitive.distance(middle) < 0
     if solid.all():

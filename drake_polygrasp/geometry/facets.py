@@ -14,7 +14,7 @@ import shapely
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import ON_SURFACE, SAME_NORMAL, Face, Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive
-from drake_polygrasp.geometry.triangles import pairs_closer_than, unit_normals, winding_numbers
+from drake_polygrasp.geometry.triangles import unit_normals
 
 _STEEPEST_ON_PATCH = np.cos(0.6)
 """Ours, near 35 degrees: a facet that leans more is noise and no place for a finger."""
@@ -37,10 +37,7 @@ def is_covered(
     Of contacts p_BC [m] on the surface with inward normals, both (M, 3); shape (M,).
     """
     outside = p_BC - step * polyhedron.diameter * nhat_TB_B
-    triangles = polyhedron.triangles_B
-    if polyhedron.closed is not None:
-        triangles = triangles[polyhedron.closed]
-    covered = winding_numbers(outside, triangles) > 0
+    covered = polyhedron.solids.winding_numbers(outside) > 0
     for solid in polyhedron.primitives:
         covered |= solid.distance(outside) < 0
     return covered
@@ -176,7 +173,7 @@ def level_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
         return distance
     nhat, _ = unit_normals(polyhedron.triangles_B)
     Fz = np.array([polyhedron.faces[k].R_BF[:, 2] for k in face])
-    i, t, _ = pairs_closer_than(p_BC, polyhedron.triangles_B, ON_SURFACE * polyhedron.diameter)
+    i, t, _ = polyhedron.surface.closer_than(p_BC, ON_SURFACE * polyhedron.diameter)
     on = np.isin(i, rows) & (np.einsum("ij,ij->i", nhat[t], Fz[i]) > 0)
     i, t = i[on], t[on]
     np.maximum.at(distance, i, _side_distance(p_BC[i], polyhedron.triangles_B[t]))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.primitives import Primitive, tessellation
-from drake_polygrasp.geometry.triangles import pairs_closer_than, winding_numbers
+from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 
 if TYPE_CHECKING:
     from pydrake.math import RigidTransform
@@ -38,9 +39,17 @@ class Obstacles:
         """All surfaces as triangles [m], curved ones as inscribed polyhedra, shape (N, 3, 3)."""
         return np.concatenate([self.triangles_B, *map(tessellation, self.primitives)])
 
+    @cached_property
+    def _surface(self) -> TriangleSoup:
+        return TriangleSoup(self.triangles_B)
+
+    @cached_property
+    def _solids(self) -> TriangleSoup:
+        return TriangleSoup(self.triangles_B[self.closed])
+
     def contain(self, p_B: Array) -> Bools:
         """Whether points p_B [m], shape (M, 3), are inside a solid; shape (M,)."""
-        inside = winding_numbers(p_B, self.triangles_B[self.closed]) > 0
+        inside = self._solids.winding_numbers(p_B) > 0
         for solid in self.primitives:
             inside |= solid.distance(p_B) < 0
         return inside
@@ -51,7 +60,7 @@ class Obstacles:
         Shape (M,).
         """
         blocked = self.contain(p_BT)
-        near, _, _ = pairs_closer_than(p_BT, self.triangles_B, reach)
+        near, _, _ = self._surface.closer_than(p_BT, reach)
         blocked[near] = True
         for solid in self.primitives:
             blocked |= solid.distance(p_BT) < reach

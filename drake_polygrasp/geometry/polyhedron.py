@@ -7,6 +7,7 @@ contact lies on an edge.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,8 @@ from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.geometry.cavities import Cavities
 from drake_polygrasp.geometry.inradius import inradius, rough_inradius
 from drake_polygrasp.geometry.primitives import Primitive
-from drake_polygrasp.geometry.triangles import unit_normals, winding_numbers
+from drake_polygrasp.geometry.triangle_soup import TriangleSoup
+from drake_polygrasp.geometry.triangles import unit_normals
 
 ANGLE_TOLERANCE = 1e-9
 """[rad], ours: what is smaller than this is a rounding error of a unit vector."""
@@ -84,6 +86,18 @@ class Polyhedron:
     """The curved solids among the parts; their triangles are inscribed in them."""
     cavities: Cavities | None = None
     """The rooms that the parts seal, whose walls are no faces; None when there are none."""
+
+    @cached_property
+    def surface(self) -> TriangleSoup:
+        """All triangles."""
+        return TriangleSoup(self.triangles_B)
+
+    @cached_property
+    def solids(self) -> TriangleSoup:
+        """The triangles of closed shells."""
+        if self.closed is None:
+            return self.surface
+        return TriangleSoup(self.triangles_B[self.closed])
 
     @property
     def watertight(self) -> bool:
@@ -186,9 +200,9 @@ def volume_centroid(polyhedron: Polyhedron) -> Array:
 def _hidden(polyhedron: Polyhedron, triangles: Array) -> Bools:
     """Whether the middle of each of some triangles is inside a closed shell or a cavity."""
     nhat, _ = unit_normals(triangles)
-    middle, shells = triangles.mean(axis=1), polyhedron.triangles_B
-    closed = shells if polyhedron.closed is None else shells[polyhedron.closed]
-    hidden = winding_numbers(middle + FLATNESS * polyhedron.diameter * nhat, closed) > 0
+    middle = triangles.mean(axis=1)
+    outside = middle + FLATNESS * polyhedron.diameter * nhat
+    hidden = polyhedron.solids.winding_numbers(outside) > 0
     if polyhedron.cavities is not None:
         hidden |= polyhedron.cavities.sealed_at(middle, -nhat)
     return hidden

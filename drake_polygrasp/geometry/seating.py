@@ -24,7 +24,7 @@ from drake_polygrasp.geometry.polyhedron import (
     Polyhedron,
     is_convex,
 )
-from drake_polygrasp.geometry.triangles import boxes_near, pairs_closer_than, unit_normals
+from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot
 
 CRACK = 1e-3
@@ -81,7 +81,7 @@ def _seat_on_faces(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
     height = np.abs(dot(p_BC - planes.p_BF, Fz)).max(initial=0.0)
     # Whatever triangle of its face a contact is above or below is within reach.
     reach = height + 2 * (FLATNESS + LENGTH_TOLERANCE) * L
-    i, t = boxes_near(p_BC, polyhedron.triangles_B, reach)
+    i, t = polyhedron.surface.near(p_BC, reach)
     triangles, nhat = polyhedron.triangles_B[t], unit_normals(polyhedron.triangles_B[t])[0]
     xyz = (triangles - planes.p_BF[i, None]) @ planes.R_BF[i]
     points = shapely.points(_beside(planes, p_BC))
@@ -125,7 +125,7 @@ def touch(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Touch:
     meant. Contacts on no face are returned as they are.
     """
     L = polyhedron.diameter
-    i, t, _ = pairs_closer_than(p_BC, polyhedron.triangles_B, ON_SURFACE * L)
+    i, t, _ = polyhedron.surface.closer_than(p_BC, ON_SURFACE * L)
     triangles, nhat = polyhedron.triangles_B[t], unit_normals(polyhedron.triangles_B[t])[0]
     lean = nhat + nhat_TB_B[i]
     leaning = np.sqrt(dot(lean, lean))
@@ -256,7 +256,7 @@ def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: 
     tip_radius = least_tip(polyhedron, tip_radius)
     p_BT = p_BC - tip_radius * nhat_TB_B
     reach = tip_radius - 2 * FLATNESS * L
-    blocked, _, _ = pairs_closer_than(p_BT, polyhedron.triangles_B, reach)
+    blocked, _, _ = polyhedron.surface.closer_than(p_BT, reach)
     fits = np.ones(len(p_BC), dtype=bool)
     fits[blocked] = False
     for solid in polyhedron.primitives:

@@ -30,7 +30,8 @@ from drake_polygrasp.geometry.sections import (
     valid,
 )
 from drake_polygrasp.geometry.shells import oriented_shells, weld, without_doubles
-from drake_polygrasp.geometry.triangles import diameter, face_frame, unit_normals, winding_numbers
+from drake_polygrasp.geometry.triangle_soup import TriangleSoup
+from drake_polygrasp.geometry.triangles import diameter, face_frame, unit_normals
 
 _JUST_OUTSIDE = 1e-5
 """Times L, ours: where to look whether a facet is covered."""
@@ -150,8 +151,8 @@ def _exposed_facets(
     middle = triangles[facets].mean(axis=1)[:, None]
     samples = np.concatenate([middle, 0.9 * triangles[facets] + 0.1 * middle], axis=1)
     samples = samples + _JUST_OUTSIDE * L * nhat[:, None]
-    closed = triangles[mesh.closed[mesh.shell]]
-    winding = winding_numbers(samples.reshape(-1, 3), closed)
+    closed = TriangleSoup(triangles[mesh.closed[mesh.shell]])
+    winding = closed.winding_numbers(samples.reshape(-1, 3))
     return facets[(winding.reshape(-1, 4) <= 0).all(axis=1)]
 
 

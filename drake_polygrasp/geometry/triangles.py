@@ -1,21 +1,14 @@
-"""Arrays of triangles: normals, frames, distances, and what they wind around."""
+"""Arrays of triangles: normals, frames and distances."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
-import shapely
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.vectors import cross, dot
 
-_POINTS_AT_ONCE = 1 << 12
-"""Ours: temporaries of some ten megabytes."""
 _BINS = 8
 """A side, ours: some 400 bins on the surface of a round body."""
-_RAY = np.array([[0.6, -0.48, 0.64], [0.8, 0.36, -0.48], [0.0, 0.8, 0.6]])
-"""A rotation, ours, whose third column no usual face is parallel to."""
 
 
 def distinct(rows: Array | Ints) -> tuple[Ints, Ints]:
@@ -86,32 +79,6 @@ def diameter(points: Array) -> float:
     return greatest
 
 
-def winding_numbers(points: Array, triangles: Array) -> Ints:
-    """How often closed, outward-oriented triangles (T, 3, 3) wind around points (M, 3); (M,).
-
-    Counts signed crossings of a ray from each point. Sides belong to one of the two triangles
-    that share them, so that none is counted twice.
-    """
-    if not len(triangles) or not len(points):
-        return np.zeros(len(points), dtype=np.int64)
-    # Along no axis, where the walls of made things would hold the whole ray.
-    points, triangles = points @ _RAY, triangles @ _RAY
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
-    i, t = tree.query(shapely.points(points[:, :2]))
-    i, t = (x[points[i, 2] <= high[t, 2]] for x in (i, t))
-    corner = triangles[t] - points[i][:, None]
-    head = np.roll(corner, -1, axis=1)
-    left = corner[..., 0] * head[..., 1] - head[..., 0] * corner[..., 1]
-    upward = (corner[..., 1] <= 0) & (head[..., 1] > 0) & (left > 0)
-    downward = (head[..., 1] <= 0) & (corner[..., 1] > 0) & (left < 0)
-    turns = upward.sum(axis=1) - downward.sum(axis=1)
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    above = np.einsum("ni,ni->n", corner[:, 0], normal) * np.sign(normal[:, 2]) > 0
-    winding = np.bincount(i, weights=turns * above, minlength=len(points))
-    return winding.astype(np.int64)
-
-
 def point_triangle_distance(points: Array, triangles: Array) -> Array:
     """Distance of each point to its triangle; shapes (..., 3) and (..., 3, 3) broadcast to (...).
 
@@ -133,38 +100,3 @@ def point_triangle_distance(points: Array, triangles: Array) -> Array:
         on_sides = np.minimum(on_sides, np.sqrt(dot(nearest, nearest)))
     height = np.abs(dot(offset[0], normal))
     return np.where(inside, height / np.sqrt(np.where(square > 0, square, 1)), on_sides)
-
-
-def pairs_closer_than(points: Array, triangles: Array, reach: float) -> tuple[Ints, Ints, Array]:
-    """Pairs (point, triangle) within `reach`, and their distances; shapes (N,), (N,), (N,).
-
-    Only triangles whose bounding box is within reach are measured.
-    """
-    found: list[tuple[Ints, Ints, Array]] = []
-    for i, j in _boxes_near(points, triangles, reach):
-        distance = point_triangle_distance(points[i], triangles[j])
-        near = distance <= reach
-        found.append((i[near], j[near], distance[near]))
-    if not found:
-        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
-    point, triangle, distance = (np.concatenate(x) for x in zip(*found, strict=True))
-    return point, triangle, distance
-
-
-def boxes_near(points: Array, triangles: Array, reach: float) -> tuple[Ints, Ints]:
-    """Pairs (point, triangle's bounding box) within `reach` along each axis, (N,) and (N,)."""
-    none = np.empty(0, np.int64)
-    pairs = [(none, none), *_boxes_near(points, triangles, reach)]
-    point, triangle = (np.concatenate(x) for x in zip(*pairs, strict=True))
-    return point, triangle
-
-
-def _boxes_near(points: Array, triangles: Array, reach: float) -> Iterator[tuple[Ints, Ints]]:
-    """What `boxes_near` says, of some of the points at a time."""
-    low, high = triangles.min(axis=1), triangles.max(axis=1)
-    tree = shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
-    for k in range(0, len(points), _POINTS_AT_ONCE):
-        x, y, z = points[k : k + _POINTS_AT_ONCE].T
-        i, j = tree.query(shapely.box(x - reach, y - reach, x + reach, y + reach))
-        level = (z[i] >= low[j, 2] - reach) & (z[i] <= high[j, 2] + reach)
-        yield k + i[level], j[level]
