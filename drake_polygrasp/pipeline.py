@@ -20,16 +20,8 @@ from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.effort import EffortName
 from drake_polygrasp.planning.orientation import least_opposing_friction
-from drake_polygrasp.planning.outcome import (
-    CODE,
-    REASONS,
-    UNJUDGED,
-    Method,
-)
-from drake_polygrasp.planning.variants import (
-    Steps,
-    place_in_set,
-)
+from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method
+from drake_polygrasp.planning.variants import Steps, place_in_set
 from drake_polygrasp.proposals import constructed, enriched, quick
 from drake_polygrasp.task import Task, make_task, rows_of
 

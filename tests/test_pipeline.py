@@ -237,6 +237,15 @@ def test_where_a_quick_search_finds_none_the_full_one_follows(
 
 
 @pytest.mark.parametrize(
+    "options", [{"exclude_faces": range(6)}, {"exclude_faces": range(4)}, {"edge_clearance": 1.0}]
+)
+def test_quick_says_what_full_says_where_nothing_holds(options: dict[str, Any]) -> None:
+    quick, full = (plan_grasps(cube(), effort=effort, **options) for effort in ("quick", "full"))
+    assert not quick.grasps
+    assert (quick.reasons, quick.mu_needed) == (full.reasons, full.mu_needed)
+
+
+@pytest.mark.parametrize(
     "options", [{"rank": "Q"}, {"rank": "margin"}, {"method": "paper"}, {"steps": Steps()}]
 )
 def test_quick_is_of_one_method_and_rank(options: dict[str, Any]) -> None:
