@@ -86,8 +86,9 @@ class _Covers:
         num_words = K // 64 + 1
         covered = np.ones((64 * num_words, N), dtype=bool)
         covered[:K] = above.T[rarest_first]
-        octets = np.packbits(covered, axis=0, bitorder="little").reshape(num_words, 8, N)
-        self._words = np.ascontiguousarray(octets.swapaxes(1, 2)).view("<u8")[..., 0]
+        self._words = _words(covered)
+        # Like directions are covered by like points: a word of unlike ones says more.
+        self._mixed = _words(covered.reshape(64, num_words, N).swapaxes(0, 1).reshape(-1, N))
         self._num_points = N
         self._covering = np.flatnonzero(covered)
         self._ends = np.append(0, np.cumsum(covered.sum(axis=1)))
@@ -119,14 +120,13 @@ class _Covers:
         """Those with first <= i < last, ascending, shape (M, 3)."""
         i, j = np.nonzero(self._helps[first:last])
         i += first
-        joined = self._words[:, i] | self._words[:, j]
-        direction = self._rarest_left(joined)
+        direction = self._rarest_left(self._words[:, i] | self._words[:, j])
         # Only later points than i.
         start = np.searchsorted(self._covering, direction * self._num_points + i, side="right")
         rows, pair = ranges(start, self._ends[direction + 1])
         k = self._covering[rows] - (direction * self._num_points)[pair]
-        for known, word in zip(joined, self._words, strict=True):
-            covers = np.flatnonzero((known[pair] | word[k]) == _ALL)
+        for word in self._mixed:
+            covers = np.flatnonzero(((word[i] | word[j])[pair] | word[k]) == _ALL)
             pair, k = pair[covers], k[covers]
         i, j = i[pair], j[pair]
         # Where j and k both help i, the triple is met twice.
@@ -134,6 +134,12 @@ class _Covers:
         i, j, k = i[new], j[new], k[new]
         found = np.column_stack([i, np.minimum(j, k), np.maximum(j, k)])
         return found[np.lexsort(found.T[::-1])]
+
+
+def _words(bits: Bools) -> Words:
+    """Bits (64 L, N) as L words of N points each, the lowest bit first, shape (L, N)."""
+    octets = np.packbits(bits, axis=0, bitorder="little").reshape(-1, 8, bits.shape[1])
+    return np.ascontiguousarray(octets.swapaxes(1, 2)).view("<u8")[..., 0]
 
 
 def _greatest(h: Singles, triples: Ints, num: int) -> tuple[Ints, Singles]:
