@@ -91,6 +91,7 @@ class _Covers:
         self._mixed = _words(covered.reshape(64, num_words, N).swapaxes(0, 1).reshape(-1, N))
         self._num_points = N
         self._covering = np.flatnonzero(covered)
+        self._points = self._covering % N
         self._ends = np.append(0, np.cumsum(covered.sum(axis=1)))
         self._helps = np.triu(covered[self._rarest_left(self._words)], 1)
         self._num_helpers = np.append(0, np.cumsum(self._helps.sum(axis=1)))
@@ -124,7 +125,7 @@ class _Covers:
         # Only later points than i.
         start = np.searchsorted(self._covering, direction * self._num_points + i, side="right")
         rows, pair = ranges(start, self._ends[direction + 1])
-        k = self._covering[rows] - (direction * self._num_points)[pair]
+        k = self._points[rows]
         for word in self._mixed:
             covers = np.flatnonzero(((word[i] | word[j])[pair] | word[k]) == _ALL)
             pair, k = pair[covers], k[covers]
