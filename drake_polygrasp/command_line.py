@@ -134,8 +134,8 @@ def _add_plan(commands: Any) -> None:
         "--effort",
         choices=("full", "quick"),
         default="full",
-        help="quick: search less, for grasps in a fraction of the time and of a somewhat lower "
-        "epsilon (default: full)",
+        help="quick: search less and without the paper's stages, for grasps of a somewhat lower "
+        "epsilon and without Q in a fraction of the time (default: full)",
     )
     parser.add_argument(
         "--gap",
