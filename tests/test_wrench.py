@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drake_polygrasp.epsilon_bound import epsilon_upper_bound
+from drake_polygrasp.epsilon_bound import (
+    COARSE_TURNS,
+    TURNS,
+    critical_directions,
+    epsilon_upper_bound,
+)
 from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import (
     cone_wrenches,
@@ -180,6 +185,21 @@ def test_no_direction_is_below_the_upper_bound_by_much_and_none_that_holds_has_z
     h, _ = support(cone_wrenches(p, n, mu, np.zeros(3), 1.0), directions)
     sampled = (h.max(axis=-1) / np.linalg.norm(directions, axis=-1)).min(axis=1)
     assert (bound < sampled).mean() > 0.95
+
+
+@pytest.mark.parametrize("num_turns", [COARSE_TURNS, TURNS])
+@pytest.mark.parametrize("contacts", [random_contacts(400, seed=8), lattice_contacts(700, seed=8)])
+def test_the_upper_bound_is_the_support_in_the_direction_where_it_is_attained(contacts, num_turns):
+    spread = non_collinear(contacts[0])
+    p, n, mu = (values[spread] for values in contacts)
+    scale = np.array([0.01, -0.02, 0.005]), np.linalg.norm(p, axis=-1).max()
+    w, least = critical_directions(p, n, mu, *scale, num_turns=num_turns)
+    h, _ = support(cone_wrenches(p, n, mu, *scale), w)
+    attained = np.maximum(h.max(axis=-1).min(axis=1), 0.0)
+    np.testing.assert_allclose(np.linalg.norm(w, axis=-1), 1.0)
+    np.testing.assert_allclose(least, attained, rtol=0, atol=1e-9)
+    bound = epsilon_upper_bound(p, n, mu, *scale, num_turns)
+    np.testing.assert_allclose(bound, attained, rtol=0, atol=1e-9)
 
 
 def test_the_upper_bound_depends_on_neither_frame_nor_order_nor_batch():
