@@ -113,9 +113,9 @@ class Contenders:
         rows, score = rows[waiting], np.round(score[waiting] / EQUAL_QUALITY)
         order = np.lexsort((rows, -score))
         rows, score = rows[order], score[order]
+        set_index = self.candidates.set_index
         proofs: dict[int, Proof] = {}
         while len(rows):
-            set_index = self.candidates.set_index
             held = np.unique(set_index[list(proofs)])
             missing = wanted - len(held)
             if missing <= 0:

@@ -100,7 +100,7 @@ def epsilon_gap(object_: GraspObject, plan: GraspPlan, *, nodes: int = NODES) ->
 
 def require_planar(object_: GraspObject) -> None:
     """Raises UsageError when the body has patches of a curved or noisy surface."""
-    if any(face.reach for face in object_.polyhedron.faces):
+    if object_.polyhedron.is_patch.any():
         raise UsageError(
             "the bound of epsilon is for planar faces, and this body has patches of a curved or "
             "noisy surface; simplify the body, or leave the gap out"

@@ -41,7 +41,7 @@ def enriched(task: Task, steps: Steps) -> Contenders:
     if not (steps.search or steps.improve):
         return constructed(task, steps)
     clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
-    points = sample_points(clear, num_points(len(regions.face), FULL.points, FULL.most_points))
+    points = sample_points(clear, num_points(len(regions.face), FULL))
     if steps.search and len(regions.face) > MANY_REGIONS:
         found = best_triples(clear, points, NO_TRIPLES, *scale)
         first = first_of_each_set(found.region)[:CHOSEN_SETS]
@@ -63,12 +63,12 @@ def quick(task: Task, wanted: int) -> Contenders:
     regions. Where improvement then leads into a corner, the triples themselves remain.
     """
     regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
-    num = num_points(len(regions.face), QUICK.points, QUICK.most_points)
-    region, p_FC = sample_points(regions, num)
-    contacts = points_on(regions, region, p_FC), regions.nhat_TB_B[region]
+    region, p_FC = sample_points(regions, num_points(len(regions.face), QUICK))
     # The surface of a patch is not where its plane is.
-    is_patch = np.array([face.reach > 0 for face in task.object_.polyhedron.faces])
-    has_room = is_patch[regions.face[region]] | (fits(task, *contacts) & is_clear(task, *contacts))
+    flat = np.flatnonzero(~task.object_.polyhedron.is_patch[regions.face[region]])
+    contacts = points_on(regions, region[flat], p_FC[flat]), regions.nhat_TB_B[region[flat]]
+    has_room = np.ones(len(region), dtype=bool)
+    has_room[flat] = fits(task, *contacts) & is_clear(task, *contacts)
     found = best_triples(regions, (region[has_room], p_FC[has_room]), NO_TRIPLES, *scale, QUICK)
     better = improved_triples(regions, found, *scale, QUICK)
     first = first_of_each_set(found.region)[: RESERVE * wanted]

@@ -94,9 +94,9 @@ def test_of_more_regions_than_points_the_largest_have_one() -> None:
 
 
 def test_few_regions_have_as_many_points_as_asked_for_and_many_no_more_than_that() -> None:
-    numbers = [num_points(n, 100, 1300) for n in (6, 40, 60, 100, 150, 300, 900, 2000)]
+    numbers = [num_points(n, FULL) for n in (6, 40, 60, 100, 150, 300, 900, 2000)]
     assert numbers == [100, 100, 150, 250, 250, 390, 1170, 1300]
-    assert num_points(400, QUICK.points, QUICK.most_points) == QUICK.most_points
+    assert num_points(400, QUICK) == QUICK.most_points
 
 
 def test_without_regions_there_are_no_triples() -> None:

@@ -88,6 +88,11 @@ class Polyhedron:
     """The rooms that the parts seal, whose walls are no faces; None when there are none."""
 
     @cached_property
+    def is_patch(self) -> Bools:
+        """Which faces are patches of a curved or noisy surface, shape (F,)."""
+        return frozen([face.reach > 0 for face in self.faces], bool)
+
+    @cached_property
     def surface(self) -> TriangleSoup:
         """All triangles."""
         return TriangleSoup(self.triangles_B)
@@ -213,7 +218,7 @@ def is_convex(polyhedron: Polyhedron) -> bool:
 
     False for bodies with patches, of which the faces say too little.
     """
-    if any(face.reach for face in polyhedron.faces):
+    if polyhedron.is_patch.any():
         return False
     reach = FLATNESS * polyhedron.diameter
     vertices = surface_vertices(polyhedron)

@@ -57,7 +57,7 @@ def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
     is no seat.
     """
     p_BC, nhat_TB_B, ok = p_BC.copy(), np.zeros_like(p_BC), np.zeros(len(p_BC), dtype=bool)
-    is_patch = np.array([on.reach > 0 for on in polyhedron.faces])[face]
+    is_patch = polyhedron.is_patch[face]
     flat, curved = np.flatnonzero(~is_patch), np.flatnonzero(is_patch)
     p_BC[flat], nhat_TB_B[flat], ok[flat] = _seat_on_faces(polyhedron, p_BC[flat], face[flat])
     if len(curved):
@@ -134,7 +134,7 @@ def touch(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Touch:
     order = order[leaning[order] <= SAME_NORMAL]
     i, t, triangles, nhat = i[order], t[order], triangles[order], nhat[order]
     face, p, n = np.full(len(p_BC), -1), p_BC.copy(), nhat_TB_B.copy()
-    exact = np.flatnonzero([not of.reach for of in polyhedron.faces])
+    exact = np.flatnonzero(~polyhedron.is_patch)
     k, pair = _flat_pairs(polyhedron, exact, triangles, nhat)
     first = _first_of_each(k * len(p_BC) + i[pair])
     k, pair = k[first], pair[first]
@@ -223,7 +223,7 @@ def edge_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
     facet; on curved solids, how far the normal stays the same to a milliradian.
     """
     distance = np.zeros(len(p_BC))
-    is_patch = np.array([on.reach > 0 for on in polyhedron.faces])[face]
+    is_patch = polyhedron.is_patch[face]
     if is_patch.any():
         distance[is_patch] = level_distance(polyhedron, p_BC[is_patch], face[is_patch])
     for k in np.unique(face[~is_patch]):

@@ -8,6 +8,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.planning.effort import Effort
 
 POINTS_A_REGION = 2.5
 """On objects of more than a few regions, ours."""
@@ -19,10 +20,11 @@ OUTLINE = 0.05
 """Times the distance of points, ours: regions of scans have corners that are none."""
 
 
-def num_points(num_regions: int, few: int, most: int) -> int:
-    """How many points to sample on so many regions: of few regions `few`, of many up to `most`."""
-    some = min(POINTS_A_REGION * num_regions, MORE_POINTS * few)
-    return min(int(max(few, some, LEAST_A_REGION * num_regions)), most)
+def num_points(num_regions: int, effort: Effort) -> int:
+    """How many points to sample on so many regions."""
+    some = min(POINTS_A_REGION * num_regions, MORE_POINTS * effort.points)
+    wanted = max(effort.points, some, LEAST_A_REGION * num_regions)
+    return min(int(wanted), effort.most_points)
 
 
 def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:

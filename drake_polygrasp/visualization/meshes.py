@@ -45,7 +45,7 @@ def surface_triangles(polyhedron: Polyhedron) -> Array:
 
 def is_curved(polyhedron: Polyhedron) -> bool:
     """Whether some faces are patches, which may overlap and only lie near the surface."""
-    return any(face.reach > 0 for face in polyhedron.faces)
+    return bool(polyhedron.is_patch.any())
 
 
 def section_lines(polyhedron: Polyhedron, nhat_B: Array, height: float) -> Array:
