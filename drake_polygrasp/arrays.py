@@ -15,7 +15,7 @@ Bools = npt.NDArray[np.bool_]
 def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
     """A read-only copy of `values`; -0.0 becomes 0.0, so that equal values print alike."""
     array = np.array(values, dtype=dtype)
-    if np.issubdtype(array.dtype, np.floating):
+    if array.dtype.kind == "f":
         array += 0.0
     array.flags.writeable = False
     return array

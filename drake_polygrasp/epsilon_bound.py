@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.vectors import cross, cross_first, dot, unit
 from drake_polygrasp.wrench import contact_frames, frame_wrenches, plane_normal
 
@@ -86,7 +87,8 @@ def critical_directions(
         frames, r = _placed(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
         twists = _rim_twists(frames, r, mu[rows], num_turns)
         radii = twists.radii()
-        neighbours = np.minimum(np.roll(radii, 1, axis=1), np.roll(radii, -1, axis=1))
+        around = np.arange(num_turns)
+        neighbours = np.minimum(radii[:, around - 1], radii[:, around + 1 - num_turns])
         order = np.where(radii <= neighbours, radii, radii + radii.max(initial=0.0))
         order = order.reshape(12 * num_turns, -1).T
         w = twists.directions().reshape(6, 12 * num_turns, -1).transpose(2, 1, 0)
@@ -178,8 +180,7 @@ def _rim_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> _RimTwist
     linear = np.concatenate([g_k, v, omega])
 
     # Rigidity: (g_j - n_i) . r_ij = 0.
-    angles = 2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns
-    rim = np.stack([np.cos(angles), np.sin(angles), np.ones(num_turns)], axis=1)
+    rim = _rim(num_turns)
     turning = _combined(rim, rate[:3])
     s = -rate[3] / np.where(np.abs(turning) < _LEVEL, _LEVEL, turning)
     at = _combined(rim, linear[:, :3])
@@ -194,6 +195,13 @@ def _rim_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> _RimTwist
     t = np.stack([-b - root, -b + root]) / np.where(np.abs(a) < _TINY, _TINY, a)
     h_j = 1.0 + mu_j * (np.abs(s) - s)
     return _RimTwists(at, linear[:, 4], t, h_j, mu_k)
+
+
+@cache
+def _rim(num_turns: int) -> Array:
+    """Points (cos, sin, 1) around a unit circle, shape (num_turns, 3)."""
+    angles = 2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns
+    return frozen(np.stack([np.cos(angles), np.sin(angles), np.ones(num_turns)], axis=1))
 
 
 def _combined(weights: Array, values: Array) -> Array:

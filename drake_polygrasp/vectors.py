@@ -17,8 +17,9 @@ def cross(a: Array, b: Array) -> Array:
     """Vector products; several times faster than NumPy's for short arrays."""
     a_x, a_y, a_z = a[..., 0], a[..., 1], a[..., 2]
     b_x, b_y, b_z = b[..., 0], b[..., 1], b[..., 2]
-    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    product[..., 0] = a_y * b_z - a_z * b_y
+    x = a_y * b_z - a_z * b_y
+    product = np.empty((*x.shape, 3))
+    product[..., 0] = x
     product[..., 1] = a_z * b_x - a_x * b_z
     product[..., 2] = a_x * b_y - a_y * b_x
     return product
@@ -26,8 +27,9 @@ def cross(a: Array, b: Array) -> Array:
 
 def cross_first(a: Array, b: Array) -> Array:
     """Vector products over the first axis: of many vectors, each operation is contiguous."""
-    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
-    product[0] = a[1] * b[2] - a[2] * b[1]
+    x = a[1] * b[2] - a[2] * b[1]
+    product = np.empty((3, *x.shape))
+    product[0] = x
     product[1] = a[2] * b[0] - a[0] * b[2]
     product[2] = a[0] * b[1] - a[1] * b[0]
     return product

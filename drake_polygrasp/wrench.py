@@ -48,8 +48,7 @@ def plane_normal(p_BC: Array) -> Array:
 
     Its sign follows the order of the contacts; it is zero where all three are exactly collinear.
     """
-    p, _ = contact_triangle(p_BC)
-    return unit(_area(p))
+    return unit(_area(p_BC))
 
 
 def non_collinear(p_BC: Array) -> Bools:

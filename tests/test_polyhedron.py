@@ -18,7 +18,6 @@ from drake_polygrasp.geometry.polyhedron import (
     Face,
     Polyhedron,
     erode,
-    is_convex,
     surface_vertices,
     volume_centroid,
 )
@@ -197,8 +196,8 @@ def test_the_exposed_surface_is_closed(seed: int) -> None:
 def test_a_convex_polyhedron_keeps_its_faces_and_is_convex(num_faces: int) -> None:
     polyhedron = build(tangent_polyhedron(num_faces, seed=num_faces))
     assert len(polyhedron.faces) == num_faces
-    assert is_convex(polyhedron)
-    assert not is_convex(build(prism(L_PROFILE, 0.1)))
+    assert polyhedron.is_convex
+    assert not build(prism(L_PROFILE, 0.1)).is_convex
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -92,7 +92,9 @@ def _edge_rows(p_BC: Array, nhat_TB_B: Array) -> tuple[Array, Array]:
         Shape (M, 3 contacts, 3 components, 3), and the triangles' sizes [m], shape (M,).
     """
     p, size = contact_triangle(p_BC)
-    forces = np.stack([edge_forces(p, x[None]) for x in np.eye(3)], axis=-1)
+    # One triangle and x after another, each with all three units.
+    forces = edge_forces(np.repeat(p, 3, axis=0), np.tile(np.eye(3), (len(p), 1)))
+    forces = np.moveaxis(forces.reshape(-1, 3, 3, 3), 1, -1)
     return contact_frames(p_BC, nhat_TB_B) @ forces, size
 
 

@@ -34,13 +34,15 @@ class Exclusion:
 
     def avoids(self, nhat_TB_B: Array, face: Ints) -> Bools:
         """Which contacts are excluded, by inward normals (M, 3) and faces (M,); shape (M,)."""
+        if not self:
+            return np.zeros(len(face), dtype=bool)
         cosine = -nhat_TB_B @ self.directions_B.T
         points_there = (cosine >= np.cos(self.angle) - ANGLE_TOLERANCE).any(axis=1)
         return np.asarray(points_there | np.isin(face, np.array(self.faces, dtype=np.int64)))
 
     def excluded_faces(self, polyhedron: Polyhedron) -> tuple[int, ...]:
         """The faces that are excluded whole, ascending."""
-        nhat_TB_B = np.array([face.nhat_TB_B for face in polyhedron.faces])
+        nhat_TB_B = -polyhedron.R_BF[:, :, 2]
         excluded = self.avoids(nhat_TB_B, np.arange(len(nhat_TB_B)))
         return tuple(np.flatnonzero(excluded).tolist())
 

@@ -57,7 +57,7 @@ class Facets(NamedTuple):
 def facets_of(polyhedron: Polyhedron) -> Facets:
     """Of all triangles of a body."""
     nhat, _ = unit_normals(polyhedron.triangles_B)
-    mu = np.append([face.mu for face in polyhedron.faces], np.nan)[polyhedron.triangle_face]
+    mu = np.append(polyhedron.mu, np.nan)[polyhedron.triangle_face]
     return Facets(nhat, mu, _inradius(polyhedron.triangles_B) >= _SLIVER * polyhedron.diameter)
 
 
@@ -123,9 +123,8 @@ def touch_patch(
     `triangle` (M,) is the triangle that each is on, -1 for none. And the surface's own points and
     inward normals; -1 and the contacts' own where the surface is covered or of no patch.
     """
-    is_facet = np.array([face.reach > 0 and face.primitive is None for face in polyhedron.faces])
     face = np.where(triangle >= 0, polyhedron.triangle_face[triangle], -1)
-    face[~np.append(is_facet, False)[face]] = -1
+    face[~np.append(polyhedron.is_faceted, False)[face]] = -1
     nhat, _ = unit_normals(polyhedron.triangles_B)
     on = np.flatnonzero(face >= 0)
     p, n = p_BC.copy(), nhat_TB_B.copy()
@@ -172,7 +171,7 @@ def level_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
     if not len(rows):
         return distance
     nhat, _ = unit_normals(polyhedron.triangles_B)
-    Fz = np.array([polyhedron.faces[k].R_BF[:, 2] for k in face])
+    Fz = polyhedron.R_BF[face, :, 2]
     i, t, _ = polyhedron.surface.closer_than(p_BC, ON_SURFACE * polyhedron.diameter)
     on = np.isin(i, rows) & (np.einsum("ij,ij->i", nhat[t], Fz[i]) > 0)
     i, t = i[on], t[on]

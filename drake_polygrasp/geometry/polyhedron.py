@@ -93,6 +93,46 @@ class Polyhedron:
         return frozen([face.reach > 0 for face in self.faces], bool)
 
     @cached_property
+    def is_faceted(self) -> Bools:
+        """Which faces are patches of triangles, not of a curved solid, shape (F,)."""
+        return frozen([face.reach > 0 and face.primitive is None for face in self.faces], bool)
+
+    @cached_property
+    def polygon_F(self) -> npt.NDArray[np.object_]:
+        """Those of the faces, shape (F,)."""
+        return frozen([face.polygon_F for face in self.faces], object)
+
+    @cached_property
+    def R_BF(self) -> Array:
+        """Those of the faces, shape (F, 3, 3)."""
+        return frozen([face.R_BF for face in self.faces]).reshape(-1, 3, 3)
+
+    @cached_property
+    def p_BF(self) -> Array:
+        """Those of the faces [m], shape (F, 3)."""
+        return frozen([face.p_BF for face in self.faces]).reshape(-1, 3)
+
+    @cached_property
+    def mu(self) -> Array:
+        """Those of the faces, shape (F,)."""
+        return frozen([face.mu for face in self.faces])
+
+    @cached_property
+    def is_convex(self) -> bool:
+        """Whether the body is one convex solid: no vertex lies above any face.
+
+        False for bodies with patches, of which the faces say too little.
+        """
+        if self.is_patch.any():
+            return False
+        reach = FLATNESS * self.diameter
+        vertices = surface_vertices(self)
+        return all(
+            (vertices @ Fz).max() <= Fz @ p_BF + reach
+            for Fz, p_BF in zip(self.R_BF[:, :, 2], self.p_BF, strict=True)
+        )
+
+    @cached_property
     def surface(self) -> TriangleSoup:
         """All triangles."""
         return TriangleSoup(self.triangles_B)
@@ -213,20 +253,6 @@ def _hidden(polyhedron: Polyhedron, triangles: Array) -> Bools:
     return hidden
 
 
-def is_convex(polyhedron: Polyhedron) -> bool:
-    """Whether the body is one convex solid: no vertex lies above any face.
-
-    False for bodies with patches, of which the faces say too little.
-    """
-    if polyhedron.is_patch.any():
-        return False
-    reach = FLATNESS * polyhedron.diameter
-    vertices = surface_vertices(polyhedron)
-    return all(
-        (vertices @ f.R_BF[:, 2]).max() <= f.R_BF[:, 2] @ f.p_BF + reach for f in polyhedron.faces
-    )
-
-
 def erode(
     polyhedron: Polyhedron,
     edge_clearance: float | None = None,
@@ -242,7 +268,7 @@ def erode(
     face, then centroid.
     """
     L = polyhedron.diameter
-    polygons = np.array([face.polygon_F for face in polyhedron.faces], dtype=object)
+    polygons = polyhedron.polygon_F
     narrowest = MIN_INRADIUS * L if min_inradius is None else min_inradius
     wide = max(narrowest, edge_clearance or 0.0, DEFAULT_CLEARANCE / CLEARANCE_OF_INRADIUS * L)
     radius = _radii(polyhedron, polygons, wide)
@@ -260,24 +286,21 @@ def erode(
 
 def _radii(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], wide: float) -> Array:
     """Inradii of the faces [m], rough ones of patches; what is above `wide` is a lower bound."""
-    is_patch = np.array([face.reach > 0 and face.primitive is None for face in polyhedron.faces])
+    is_faceted = polyhedron.is_faceted
     radius = np.empty(len(polygons))
-    radius[is_patch] = rough_inradius(polygons[is_patch])
-    radius[~is_patch] = rough_inradius(polygons[~is_patch], wide / 10)
-    narrow = ~is_patch & (radius <= wide)
+    radius[is_faceted] = rough_inradius(polygons[is_faceted])
+    radius[~is_faceted] = rough_inradius(polygons[~is_faceted], wide / 10)
+    narrow = ~is_faceted & (radius <= wide)
     radius[narrow] = inradius(polygons[narrow])
     return radius
 
 
 def _regions(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], face: Ints) -> Regions:
-    R_BF = np.array([f.R_BF for f in polyhedron.faces])[face]
-    p_BF = np.array([f.p_BF for f in polyhedron.faces])[face]
-    mu = np.array([f.mu for f in polyhedron.faces])[face]
     centroid = shapely.get_coordinates(shapely.centroid(polygons))
     keys = np.round(centroid / (LENGTH_TOLERANCE * polyhedron.diameter))
     order = np.lexsort((keys[:, 1], keys[:, 0], face))
     polygons, face = shapely.orient_polygons(polygons[order]), face[order]
-    R_BF, p_BF, mu = R_BF[order], p_BF[order], mu[order]
+    R_BF, p_BF, mu = polyhedron.R_BF[face], polyhedron.p_BF[face], polyhedron.mu[face]
     xy, ring_offsets, region_offsets = np.empty((0, 2)), np.zeros(1, int), np.zeros(1, int)
     if len(polygons):
         _, xy, (ring_offsets, region_offsets) = shapely.to_ragged_array(polygons)

@@ -22,7 +22,6 @@ from drake_polygrasp.geometry.polyhedron import (
     ON_SURFACE,
     SAME_NORMAL,
     Polyhedron,
-    is_convex,
 )
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot
@@ -138,12 +137,10 @@ def touch(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Touch:
     k, pair = _flat_pairs(polyhedron, exact, triangles, nhat)
     first = _first_of_each(k * len(p_BC) + i[pair])
     k, pair = k[first], pair[first]
-    polygons = np.array([polyhedron.faces[m].polygon_F for m in k], dtype=object)
     xy = _beside(_planes(polyhedron, k), p_BC[i[pair]])
-    below = shapely.distance(polygons, shapely.points(xy)) <= ON_SURFACE * L
+    below = shapely.distance(polyhedron.polygon_F[k], shapely.points(xy)) <= ON_SURFACE * L
     k, pair = k[below], pair[below]
-    mu = np.array([polyhedron.faces[m].mu for m in k])
-    order = np.lexsort((-k, mu, i[pair]))
+    order = np.lexsort((-k, polyhedron.mu[k], i[pair]))
     least = order[_first_of_each(i[pair[order]])]
     k, pair = k[least], pair[least]
     rows, n_t = i[pair], nhat[pair]
@@ -183,10 +180,7 @@ class _Planes(NamedTuple):
 
 
 def _planes(polyhedron: Polyhedron, face: Ints) -> _Planes:
-    distinct, of = np.unique(face, return_inverse=True)
-    faces = [polyhedron.faces[k] for k in distinct]
-    R_BF = np.array([on.R_BF for on in faces]).reshape(-1, 3, 3)
-    return _Planes(R_BF[of], np.array([on.p_BF for on in faces]).reshape(-1, 3)[of])
+    return _Planes(polyhedron.R_BF[face], polyhedron.p_BF[face])
 
 
 def _beside(planes: _Planes, p_BC: Array) -> Array:
@@ -250,7 +244,7 @@ def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: 
     contact the sphere is outside every part, and one that crosses none is outside all the way.
     Facets may rise out of their face by `FLATNESS` L. Tips have the radius of `least_tip` at least.
     """
-    if is_convex(polyhedron):
+    if polyhedron.is_convex:
         return np.ones(len(p_BC), dtype=bool)
     L = polyhedron.diameter
     tip_radius = least_tip(polyhedron, tip_radius)

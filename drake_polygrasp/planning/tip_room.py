@@ -14,7 +14,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
-from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions, is_convex
+from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions
 from drake_polygrasp.geometry.seating import least_tip
 from drake_polygrasp.planning.planar import Shapes
 
@@ -37,7 +37,7 @@ def with_tip_room(
     walls.
     """
     L = polyhedron.diameter
-    if tip_radius > 0 and not is_convex(polyhedron):
+    if tip_radius > 0 and not polyhedron.is_convex:
         # The facets of a patch rise from its plane and are its face all the same.
         reach = 2 * np.array([face.reach for face in polyhedron.faces])[regions.face]
         lowest = np.maximum(_FLAT * L, reach)
