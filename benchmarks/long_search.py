@@ -18,7 +18,6 @@ from benchmarks.peers import (
     Triples,
     best_of,
     closed,
-    coarse_bound,
     draw_points,
     epsilon_of,
     random_triples,
@@ -61,7 +60,6 @@ def best_known(
     """The best triple found and its epsilon, never less than of `others`, which must hold."""
     drawn = random_triples(surface, num, rng)
     drawn = drawn.take(closed(object_, drawn, tip_radius))
-    drawn = drawn.take(_highest(coarse_bound(object_, drawn), 20 * efforts[0].starts))
     drawn = drawn.take(_highest(upper_bound(object_, drawn), efforts[0].starts))
     search = _Search(object_, surface, tip_radius, *_pool(surface, rng), rng)
     found = joined(others, drawn)
@@ -111,9 +109,10 @@ class _Search:
         owner = np.repeat(np.arange(len(value)), effort.tries)
         for step in L * np.geomspace(effort.longest, 1e-3, effort.rounds):
             tries = self._moved(best.take(owner), step)
-            rows = np.flatnonzero(coarse_bound(self.object_, tries) > value[owner])
+            bounds = upper_bound(self.object_, tries)
+            rows = np.flatnonzero(bounds > value[owner])
             rows = rows[closed(self.object_, tries.take(rows), self.tip_radius)]
-            bound = upper_bound(self.object_, tries.take(rows))
+            bound = bounds[rows]
             order = np.lexsort((-bound, owner[rows]))
             winner, first = np.unique(owner[rows[order]], return_index=True)
             chosen = order[first]

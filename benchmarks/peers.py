@@ -1,7 +1,7 @@
 """Other ways to find three contacts on the same eroded faces, made as strong and as fast as ours.
 
-They share with the planner what decides and measures (closed form, room for tips, epsilon), so
-that they differ in nothing but where they look.
+They share with the planner what decides, measures and proves (closed form, room for tips, epsilon,
+certificate), so that they differ in nothing but where they look.
 """
 
 from __future__ import annotations
@@ -13,21 +13,18 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, epsilon_interval
-from drake_polygrasp.epsilon_bound import epsilon_upper_bound
+from drake_polygrasp.epsilon_bound import COARSE_TURNS, TURNS, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.geometry.seating import tip_fits
-from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.geometry.seating import face_of, seat, tip_fits
+from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.planning.orientation import friction_angle, opposes
-from drake_polygrasp.wrench import cone_wrenches, force_closure, plane_normal, support
+from drake_polygrasp.wrench import force_closure
 
 NUM_TRIPLES = 5_000
-_BATCH = 64
-"""Triples bounded at once, best coarse bound first: the first batches spare the others."""
 _RAYS = 256
 """Rays intersected at once, which bounds memory."""
-_TINY = 1e-100
-"""Keeps divisions finite where two contacts are one: such triples are bounded by 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,28 +189,9 @@ def have_room(object_: GraspObject, triples: Triples, tip_radius: float) -> Bool
     return np.asarray(fits.all(axis=1))
 
 
-def coarse_bound(object_: GraspObject, triples: Triples) -> Array:
-    """An upper bound of epsilon, shape (M,): the least support over 18 rotations.
-
-    About the sides of the contact triangle, its altitudes and its plane's normal at each contact;
-    Faster than `epsilon_upper_bound`, and higher.
-    """
-    p, N = triples.p_BC, plane_normal(triples.p_BC)[:, None]
-    sides = np.roll(p, -1, axis=1) - p
-    sides /= np.linalg.norm(sides, axis=-1, keepdims=True) + _TINY
-    omega = np.concatenate([sides, np.broadcast_to(N, p.shape), np.cross(N, sides)], axis=1)
-    through = np.concatenate([p, p, np.roll(p, 1, axis=1)], axis=1)
-    v = np.cross(omega, object_.p_BBcm - through)
-    w = np.concatenate([v, object_.rho * omega], axis=-1)
-    w = np.concatenate([w, -w], axis=1)
-    h, _ = support(cone_wrenches(*triples.contacts, object_.p_BBcm, object_.rho), w)
-    radius: Array = (h.max(axis=-1) / (np.linalg.norm(w, axis=-1) + _TINY)).min(axis=1)
-    return radius
-
-
-def upper_bound(object_: GraspObject, triples: Triples) -> Array:
+def upper_bound(object_: GraspObject, triples: Triples, num_turns: int = TURNS) -> Array:
     """`epsilon_bound.epsilon_upper_bound`, shape (M,)."""
-    return epsilon_upper_bound(*triples.contacts, object_.p_BBcm, object_.rho)
+    return epsilon_upper_bound(*triples.contacts, object_.p_BBcm, object_.rho, num_turns)
 
 
 def epsilon_of(
@@ -239,22 +217,31 @@ def epsilon_of(
 
 def best_of(object_: GraspObject, triples: Triples) -> tuple[Triples, float]:
     """The row of greatest epsilon, none of no rows, and its lower bound."""
-    coarse = coarse_bound(object_, triples)
-    order = np.argsort(-coarse, kind="stable")
-    best, epsilon = order[:0], 0.0
-    for first in range(0, len(order), _BATCH):
-        rows = order[first : first + _BATCH]
-        rows = rows[coarse[rows] > epsilon]
-        if not len(rows):
+    upper = upper_bound(object_, triples, COARSE_TURNS)  # as the planner ranks many
+    best, epsilon = np.empty(0, dtype=np.int64), 0.0
+    for k in np.argsort(-upper, kind="stable"):
+        if upper[k] <= epsilon:
             break
-        upper = upper_bound(object_, triples.take(rows))
-        for k in np.argsort(-upper, kind="stable"):
-            if upper[k] <= epsilon:
-                break
-            lower = epsilon_of(object_, triples.take(rows[k : k + 1]), at_least=epsilon)
-            if lower > epsilon:
-                best, epsilon = rows[k : k + 1], lower
+        row = np.array([k])
+        lower = epsilon_of(object_, triples.take(row), at_least=epsilon)
+        if lower > epsilon:
+            best, epsilon = row, lower
     return triples.take(best), epsilon
+
+
+def is_proved(object_: GraspObject, triple: Triples, face: Ints, tip_radius: float) -> bool:
+    """Whether one row on faces (1, 3) is a grasp, as the planner proves its own.
+
+    On the true surface, with room for tips, by the exact certificate.
+    """
+    seats = seat(object_.polyhedron, triple.p_BC[0], face[0])
+    contacts = seats.p_BC, seats.nhat_TB_B
+    on_face = face_of(object_.polyhedron, *contacts) >= 0
+    fits = tip_fits(object_.polyhedron, *contacts, tip_radius)
+    if not (seats.ok & on_face & fits).all():
+        return False
+    (proof,) = prove_many(*(values[None] for values in contacts), triple.mu)
+    return proof.verdict is Verdict.HOLDS
 
 
 class Stopwatch:

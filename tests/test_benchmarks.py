@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks import measure
 from benchmarks.long_search import Effort, best_known
 from benchmarks.measure import peers
 from benchmarks.objects import generated, models
@@ -20,11 +21,12 @@ from benchmarks.peers import (
     antipodal_triples,
     best_of,
     closed,
-    coarse_bound,
     draw_points,
     epsilon_of,
+    is_proved,
     random_triples,
     surface_of,
+    triples_at,
     upper_bound,
 )
 from benchmarks.tables import HEADER, growth_table, kinds_table, row
@@ -93,7 +95,6 @@ def test_pruning_loses_nothing(holed: GraspObject, surface: Surface) -> None:
     triples = triples.take(closed(holed, triples, tip_radius=0.0))
     epsilon = [epsilon_of(holed, triples.take(np.array([k]))) for k in range(len(triples.mu))]
     assert len(epsilon) > 10
-    assert (coarse_bound(holed, triples) >= epsilon).all()
     assert (upper_bound(holed, triples) >= epsilon).all()
     _, found = best_of(holed, triples)
     assert found == pytest.approx(max(epsilon), rel=1e-12)
@@ -118,6 +119,35 @@ def test_no_triples_give_no_grasp() -> None:
     )
     best, epsilon = best_of(cube(), none)
     assert (len(best.mu), epsilon) == (0, 0.0)
+
+
+def test_what_is_proved_is_on_the_surface_with_room_and_holds() -> None:
+    box = cube()
+    regions = erode(box.polyhedron)
+    bottom, top = (int(np.argmax(regions.nhat_TB_B @ n)) for n in ([0, 0, 1], [0, 0, -1]))
+    region = np.array([[bottom, bottom, top]])
+    p_BC = np.array([[[0.02, 0.03, 0.0], [0.04, 0.03, 0.0], [0.03, 0.03, 0.06]]])
+    assert is_proved(box, triples_at(regions, p_BC, region), regions.face[region], 0.001)
+    beside, crooked = p_BC + np.array([0.05, 0, 0]), p_BC.copy()
+    crooked[0, 2, 0] = 0.059  # past both friction cones at the bottom
+    for contacts in (beside, crooked):
+        triple = triples_at(regions, contacts, region)
+        assert not is_proved(box, triple, regions.face[region], 0.001)
+
+
+def test_a_search_gives_its_best_grasp_that_is_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuses_two(*_: object) -> bool:
+        asked.append(len(asked))
+        return len(asked) > 2
+
+    asked: list[int] = []
+    best = measure.search(cube(), random_triples, 300)
+    monkeypatch.setattr(measure, "is_proved", refuses_two)
+    third = measure.search(cube(), random_triples, 300)
+    assert len(asked) == 3
+    assert 0 < third["epsilon"] < best["epsilon"]
+    monkeypatch.setattr(measure, "is_proved", lambda *_: False)
+    assert measure.search(cube(), random_triples, 300)["p_BC"] is None
 
 
 def test_there_are_sixty_generated_objects_of_many_kinds(tmp_path: Path) -> None:
