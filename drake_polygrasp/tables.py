@@ -45,12 +45,18 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
     return "\n".join(
         [
             f"{_head(model, len(object_.polyhedron.faces), plan.excluded_faces, plan.num_sets)}, "
-            f"{plan.num_certified} certified",
+            f"{plan.num_certified} certified{_not_evaluated(plan)}",
             *_aligned([header, units, *rows]),
             *_placement_note(object_, plan.grasps),
             f"wrote {output}",
         ]
     )
+
+
+def _not_evaluated(plan: GraspPlan) -> str:
+    """That of many sets, or in a hurry, not all are looked at."""
+    count = plan.reasons.get("not_evaluated", 0)
+    return f", {count} not evaluated" if count else ""
 
 
 def _placement_note(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> list[str]:
