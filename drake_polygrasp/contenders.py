@@ -34,8 +34,6 @@ from drake_polygrasp.task import Codes, Task, rows_of
 from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
 
-JUDGED_AT_ONCE = 4
-"""Sets at least, ours: to judge one on a scan takes as long as to judge several."""
 KINDS: tuple[Kind, ...] = ("three_faces", "three_parallel_faces", "two_faces")
 
 _OUTCOME = {
@@ -74,7 +72,7 @@ class Contenders:
         """
         p_BC, nhat_TB_B, mu = self.contacts
         found = face_of(self.task.object_.polyhedron, *self._flat(rows)).reshape(-1, 3)
-        there = np.append([face.mu for face in self.task.object_.polyhedron.faces], -np.inf)[found]
+        there = np.append(self.task.object_.polyhedron.mu, -np.inf)[found]
         on_face = mu[rows] <= there
         # On curved surfaces, whose faces are patches, the true normals decide what is excluded.
         avoided = self.task.exclusion.avoids(nhat_TB_B[rows].reshape(-1, 3), found.ravel())
@@ -122,8 +120,7 @@ class Contenders:
                 break
             _, first = np.unique(set_index[rows], return_index=True)
             fresh = np.sort(first[~np.isin(set_index[rows[first]], held)])
-            judged = max(missing, JUDGED_AT_ONCE)
-            last = fresh[judged - 1] if judged <= len(fresh) else -1
+            last = fresh[missing - 1] if missing <= len(fresh) else -1
             # Whole ties, so that which of them are judged does not depend on their order.
             count = int(np.searchsorted(-score, -score[last], side="right"))
             proofs |= self.judge(rows[:count])

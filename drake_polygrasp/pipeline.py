@@ -131,7 +131,10 @@ def plan_grasps(
     if effort not in get_args(EffortName):
         raise UsageError(f"effort is {effort!r}; it must be 'full' or 'quick'")
     if effort == "quick" and (method, rank, steps) != ("enriched", "epsilon", None):
-        raise UsageError("effort 'quick' is for all steps of 'enriched', ranked by epsilon")
+        raise UsageError(
+            "effort 'quick' is for all steps of 'enriched', ranked by epsilon; leave out method, "
+            "rank and steps, or quick"
+        )
     task = make_task(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
@@ -196,9 +199,11 @@ def _proved(
     task: Task, steps: Steps, rank: Rank, top: int, *, quickly: bool
 ) -> tuple[Contenders, dict[int, Proof]]:
     if task.method == "enriched" and rank == "epsilon":
-        wanted = top + SPARE
-        work = quick(task, wanted) if quickly else enriched(task, steps)
-        return work, _judged_by_bound(work, wanted)
+        if quickly:
+            work = quick(task, top)
+            return work, _judged_by_bound(work, top)
+        work = enriched(task, steps)
+        return work, _judged_by_bound(work, top + SPARE)
     work = constructed(task, steps)
     return work, _judged_by_quality(work, rank, top)
 
@@ -239,8 +244,10 @@ def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ran
     margin = np.array([proofs[row].margin for row in rows.tolist()])
     if rank == "Q":
         score = work.candidates.Q[rows]
+    elif rank == "margin" or len(rows) == 1:  # one alone needs no score
+        score = margin
     else:
-        score = margin if rank == "margin" else _bound(work, rows)
+        score = _bound(work, rows)
     entries = sorted(
         _Ranked(-round(float(s), 9), -round(float(m), 9), tuple(work.face[row].tolist()), int(row))
         for s, m, row in zip(score, margin, rows, strict=True)

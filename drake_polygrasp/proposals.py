@@ -2,32 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from drake_polygrasp.contenders import Contenders, contenders, fits, is_clear
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.effort import FULL, QUICK
 from drake_polygrasp.planning.face_support import points_on
+from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.outcome import SetPlan, has_contacts, unplanned
 from drake_polygrasp.planning.sample_points import num_points, sample_points
 from drake_polygrasp.planning.search import (
+    NO_TRIPLES,
     Triples,
     best_triples,
     first_of_each_set,
+    in_order_of_sets,
     joined,
+    set_numbers,
     sets_of,
 )
 from drake_polygrasp.planning.tip_room import with_tip_room
-from drake_polygrasp.planning.variants import Steps, best_first, improved_triples, usable
+from drake_polygrasp.planning.variants import (
+    PLACES,
+    Steps,
+    best_first,
+    best_places,
+    improved_triples,
+    usable,
+)
 from drake_polygrasp.task import Task
 
 MANY_REGIONS = 24
 """Ours: of more, only the sets that the search finds go through the paper's stages."""
 CHOSEN_SETS = 100
 """How many sets the search then chooses, ours."""
-RESERVE = 4
-"""Times the grasps wanted, ours: triples that stay as they were found."""
-NO_TRIPLES = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
+RESERVE = 8
+"""Times one more than the grasps wanted, ours: triples that stay as they were found."""
 
 
 def constructed(task: Task, steps: Steps) -> Contenders:
@@ -41,17 +53,16 @@ def enriched(task: Task, steps: Steps) -> Contenders:
     if not (steps.search or steps.improve):
         return constructed(task, steps)
     clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
-    points = sample_points(clear, num_points(len(regions.face), FULL))
-    if steps.search and len(regions.face) > MANY_REGIONS:
-        found = best_triples(clear, points, NO_TRIPLES, *scale)
-        first = first_of_each_set(found.region)[:CHOSEN_SETS]
-        found, plan = found.take(first), task.plan(steps, sets_of(found.region[first]))
-        known = _known(clear, plan)
-    else:
-        plan = task.plan(steps)
-        known = _known(clear, plan)
-        found = best_triples(clear, points, known, *scale) if steps.search else NO_TRIPLES
-    triples = joined(known, found)
+    found, chosen = NO_TRIPLES, None
+    if steps.search:
+        points = sample_points(clear, num_points(len(regions.face), FULL))
+        found = best_triples(clear, points, *scale)
+        if len(regions.face) > MANY_REGIONS:
+            first = first_of_each_set(found.region)[:CHOSEN_SETS]
+            number = set_numbers(found.region)
+            found, chosen = found.take(np.isin(number, number[first])), sets_of(found.region[first])
+    plan = task.plan(steps, chosen)
+    triples = joined(_known(clear, plan), found)
     better = improved_triples(clear, triples, *scale) if steps.improve else found
     return contenders(task, plan, better)
 
@@ -69,11 +80,14 @@ def quick(task: Task, wanted: int) -> Contenders:
     contacts = points_on(regions, region[flat], p_FC[flat]), regions.nhat_TB_B[region[flat]]
     has_room = np.ones(len(region), dtype=bool)
     has_room[flat] = fits(task, *contacts) & is_clear(task, *contacts)
-    found = best_triples(regions, (region[has_room], p_FC[has_room]), NO_TRIPLES, *scale, QUICK)
-    better = improved_triples(regions, found, *scale, QUICK)
-    first = first_of_each_set(found.region)[: RESERVE * wanted]
-    triples = joined(better, found.take(first))
-    sets = np.unique(sets_of(triples.region), axis=0)
+    # Few triples are of few sets.
+    effort = replace(QUICK, kept=QUICK.kept * (1 + wanted // 2))
+    found = best_triples(regions, (region[has_room], p_FC[has_room]), *scale, effort)
+    best = found.take(best_places(regions, found, *scale, RESERVE * (wanted + 1), PLACES))
+    starts = best.take(np.arange(min(QUICK.starts, len(best.region))))
+    better, _ = improved(regions, starts.region, starts.p_BC, *scale, QUICK.rounds, QUICK.finalists)
+    triples = joined(Triples(starts.region, better), best)
+    sets = sets_of(triples.region[in_order_of_sets(triples.region)])
     return contenders(task, unplanned(sets), triples)
 
 

@@ -33,8 +33,6 @@ from drake_polygrasp.wrench import cone_wrenches, force_closure, support
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, shells
 from tests.solids import cube, solid
 
-NONE = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
-
 
 def heights(h: Array, triples: Array) -> Array:
     return np.asarray(h[triples].max(axis=1).min(axis=1))
@@ -47,7 +45,8 @@ def test_the_cover_finds_what_comparing_all_triples_finds(seed: int, num_directi
     everything = np.array(list(combinations(range(30), 3)))
     best = np.sort(heights(h, everything))[::-1]
     found = cover(h, 20)
-    assert heights(h, found) == pytest.approx(best[:20])
+    assert len(found) >= set_cover.ENOUGH * 20
+    assert heights(h, found) == pytest.approx(best[: len(found)])
     assert (np.diff(found, axis=1) > 0).all()
     assert len(np.unique(found, axis=0)) == len(found)
 
@@ -102,7 +101,7 @@ def test_few_regions_have_as_many_points_as_asked_for_and_many_no_more_than_that
 def test_without_regions_there_are_no_triples() -> None:
     regions = erode(cube().polyhedron, edge_clearance=1.0)
     points = sample_points(regions, FULL.points)
-    assert not len(best_triples(regions, points, NONE, np.zeros(3), 1.0).region)
+    assert not len(best_triples(regions, points, np.zeros(3), 1.0).region)
 
 
 @pytest.mark.parametrize(
@@ -119,11 +118,27 @@ def test_triples_hold_and_beat_random_ones_of_the_same_points(object_: GraspObje
         return bound
 
     region, p_FC = points = sample_points(regions, FULL.points)
-    found = best_triples(regions, points, NONE, *scale)
+    found = best_triples(regions, points, *scale)
     assert (bounds(found) > 0).all()
     rows = np.random.default_rng(5).integers(0, len(region), (2000, 3))
     drawn = Triples(region[rows], points_on(regions, region, p_FC)[rows])
     assert bounds(found).max() >= 0.97 * bounds(drawn).max()
+
+
+def test_directions_are_even_where_wrenches_are() -> None:
+    cones = np.random.default_rng(1).normal(size=(4000, 3, 6))
+    w = search.spread_directions(cones, 20_000)
+    np.testing.assert_allclose(np.linalg.norm(w, axis=1), 1.0)
+    np.testing.assert_allclose(w.T @ w / len(w), np.eye(6) / 6, atol=0.01)
+
+
+@pytest.mark.parametrize("reach", [0.1, 0.0])
+def test_more_directions_are_those_that_wrenches_reach_less_far_in(reach: float) -> None:
+    """As of a rod, about whose axis contacts apply little torque; or none, without friction."""
+    cones = np.random.default_rng(1).normal(size=(400, 3, 6)) * [1, 1, 1, reach, 1, 1]
+    square = (search.spread_directions(cones, 2000) ** 2).mean(axis=0)
+    assert square[3] > 0.7
+    assert square[[0, 1, 2, 4, 5]].max() < 1 / 6
 
 
 def test_sets_name_each_region_once() -> None:
@@ -181,12 +196,12 @@ def test_while_nothing_holds_the_search_goes_on(monkeypatch: pytest.MonkeyPatch)
     regions = erode(box.polyhedron)
 
     def short_sighted(regions: Regions, triples: Triples) -> Ints:
-        """Sees nothing that holds among the draws and in the first passes."""
+        """Sees nothing that holds in the passes that are made in any case."""
         looked.append(len(triples.region))
-        return holding(regions, triples)[: None if len(looked) > 1 + passes else 0]
+        return holding(regions, triples)[: None if len(looked) > passes else 0]
 
     holding, passes = search._holding, len(FULL.strides) - 1
     monkeypatch.setattr(search, "_holding", short_sighted)
     points = sample_points(regions, FULL.points)
-    assert len(best_triples(regions, points, NONE, box.p_BBcm, box.rho).region)
-    assert len(looked) == 2 + passes <= 1 + search.MOST_PASSES
+    assert len(best_triples(regions, points, box.p_BBcm, box.rho).region)
+    assert len(looked) == 1 + passes <= search.MOST_PASSES

@@ -16,6 +16,8 @@ class Effort:
     """Sample points on objects of few regions."""
     most_points: int
     """On objects of many; of more regions the largest have one."""
+    directions: int
+    """Spread over all wrenches, to begin with."""
     strides: tuple[int, ...]
     """Each pass searches every so many of the points: those before the last cost little, and tell
     it the directions that their winners resist least."""
@@ -23,8 +25,6 @@ class Effort:
     """Grasps whose weakest directions are taken in each pass."""
     kept: int
     """Triples kept in each pass at least; of many points, as many."""
-    drawn: int
-    """Triples drawn where no grasp is known before."""
     starts: int
     """Triples that are improved."""
     rounds: int
@@ -36,22 +36,22 @@ class Effort:
 FULL = Effort(
     points=100,
     most_points=1300,
+    directions=500,
     strides=(4, 2, 1),
     sources=24,
     kept=400,
-    drawn=3000,
-    starts=12,
+    starts=16,
     rounds=8,
     finalists=4,
 )
 QUICK = Effort(
-    points=60,
-    most_points=250,
-    strides=(2, 1, 1),
+    points=70,
+    most_points=120,
+    directions=500,
+    strides=(1,),
     sources=12,
-    kept=100,
-    drawn=600,
-    starts=6,
-    rounds=2,
-    finalists=6,
+    kept=70,
+    starts=4,
+    rounds=1,
+    finalists=4,
 )

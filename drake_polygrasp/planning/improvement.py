@@ -40,7 +40,9 @@ PATIENCE = 3
 """Rounds in a row in which a grasp does not rise, before it ends, ours."""
 ROUNDS_OF_ALL = 2
 """Rounds before the best few go on alone, ours."""
-REMEMBERED = 32
+WEAKEST = 24
+"""Directions that each measurement adds, ours."""
+REMEMBERED = 48
 """Directions a grasp remembers at most, ours."""
 
 
@@ -58,7 +60,7 @@ def improved(
     Args:
         regions: where contacts may be; their polygons may have several parts.
         region: region of each contact, shape (M, 3).
-        p_BC: contact points in these regions [m], shape (M, 3, 3).
+        p_BC: contact points in these regions that hold [m], shape (M, 3, 3).
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         rounds: measurements.
@@ -70,7 +72,8 @@ def improved(
     polygons = regions.polygon_F[region]
     shapely.prepare(polygons)
     p_FC = points_in_faces(regions, region, p_BC)
-    w, bound = _measured(regions, region, p_FC, p_BBcm, rho)
+    contacts = p_BC, regions.nhat_TB_B[region], regions.mu[region]
+    w, bound = critical_directions(*contacts, p_BBcm, rho, WEAKEST, COARSE_TURNS)
     twists = face_twists(regions, region, w[:, None], p_BBcm, rho)
     step = FIRST_STEP * np.sqrt(regions.area[region].max(axis=1))
     failures = np.zeros(len(region), dtype=np.int64)
@@ -99,6 +102,8 @@ def improved(
         best = np.where(bounds > (1 + LEAST_RISE) * bounds[:, :1], bounds, 0.0).argmax(axis=1)
         each = np.arange(len(rows))
         p_FC[rows], bound[rows] = places[each, :, best], bounds[each, best]
+        if number + 1 == rounds:
+            break
         step[rows] *= NEXT_STEP[best]
         failures[rows] = np.where(best > 0, 0, failures[rows] + 1)
         weakest = height[each, best].argsort(axis=1, kind="stable")[:, :REMEMBERED]
@@ -112,7 +117,7 @@ def _measured(
 ) -> tuple[Array, Array]:
     """The weakest directions of grasps, shape (M, K, 6), and their bounds, shape (M,)."""
     contacts = points_on(regions, region, p_FC), regions.nhat_TB_B[region], regions.mu[region]
-    w, bound = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS)
+    w, bound = critical_directions(*contacts, p_BBcm, rho, WEAKEST, COARSE_TURNS)
     # Of contacts that cannot hold, the bound says nothing.
     return w, np.where(force_closure(*contacts), bound, 0.0)
 

@@ -62,7 +62,7 @@ def _spacing(polygons: npt.NDArray[np.object_], num: int) -> float:
     """The distance between points that gives about `num` of them [m]."""
     area, length = shapely.area(polygons), shapely.length(polygons)
     low, high = 1e-4 * np.sqrt(area.sum()), 10 * np.sqrt(area.sum())
-    for _ in range(40):
+    for _ in range(12):  # to a third of a percent
         middle = np.sqrt(low * high)
         wide = area > (0.7 * middle) ** 2
         count = len(area) + np.where(wide, length / middle + area / middle**2, 0.0).sum()

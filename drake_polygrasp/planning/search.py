@@ -1,8 +1,9 @@
 """Beyond the paper: the best triples of sample points, however many triples there are.
 
-For directions w that some grasps resist least, a triple of points is no better than
-min_w max_i h_i(w) (see face_support.py); set_cover.py finds the triples for which that is greatest.
-Directions come from grasps known before, then from the best triples themselves.
+For any directions w, a triple of points resists no more than min_w max_i h_i(w) (see
+face_support.py); set_cover.py finds the triples for which that is greatest. Some hundred
+directions spread over all wrenches tell good triples from bad ones; those that the best of them
+resist least, added in later passes, tell the best ones from each other.
 """
 
 from __future__ import annotations
@@ -11,18 +12,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.epsilon_bound import COARSE_TURNS, critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.effort import FULL, Effort
 from drake_polygrasp.planning.face_support import points_on
 from drake_polygrasp.planning.set_cover import Singles, cover
+from drake_polygrasp.vectors import unit
 from drake_polygrasp.wrench import force_closure, frame_wrenches
 
 MANY_POINTS = 160
-"""Ours: of fewer points the first pass would see too few."""
+"""Ours: fewer have two passes at most, for the first of three would see too few."""
+LEVEL = 1e-9
+"""Ours, times the greatest: what wrenches reach less far than this, they do not reach."""
+ENOUGH = 0.3
+"""Times what is kept, ours: triples that hold, before passes end."""
 MOST_PASSES = 5
-"""Ours, where none of the triples holds yet, as on flat objects that lie on a table."""
+"""Ours, where fewer hold, as on scans and on flat objects that lie on a table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +40,12 @@ class Triples:
     p_BC: Array
     """[m], shape (M, 3, 3)."""
 
-    def take(self, rows: Ints) -> Triples:
+    def take(self, rows: Ints | Bools) -> Triples:
         """The same for some of the rows."""
         return Triples(self.region[rows], self.p_BC[rows])
+
+
+NO_TRIPLES = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
 
 
 def joined(first: Triples, second: Triples) -> Triples:
@@ -49,17 +58,15 @@ def joined(first: Triples, second: Triples) -> Triples:
 def best_triples(
     regions: Regions,
     points: tuple[Ints, Array],
-    known: Triples,
     p_BBcm: Array,
     rho: float,
     effort: Effort = FULL,
 ) -> Triples:
-    """The triples of sample points that the weakest directions of grasps bound least.
+    """The triples of sample points that all directions met bound least.
 
     Args:
         regions: where contacts may be; polygons may be empty or have several parts.
         points: where they are tried, as of `sample_points`.
-        known: some grasps that hold, best first; where there is none, random ones are drawn.
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         effort: how long is searched.
@@ -70,31 +77,41 @@ def best_triples(
     """
     region, p_FC = points
     if len(region) < 3:
-        return known.take(np.arange(0))
+        return NO_TRIPLES
     p_BC = points_on(regions, region, p_FC)
     cones = frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
-    if not len(known.region):
-        known = _drawn(regions, region, p_BC, effort.drawn)
-    strides = effort.strides[len(region) < MANY_POINTS :]
-    w, found = np.empty((0, 6)), known.take(np.arange(0))
-    sources = known.take(np.arange(min(effort.sources, len(known.region))))
+    strides = effort.strides if len(region) >= MANY_POINTS else effort.strides[-2:]
+    w, found = spread_directions(cones, effort.directions), NO_TRIPLES
     for number in range(MOST_PASSES):
-        if number >= len(strides) and len(found.region):
-            break
-        w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
         some = np.arange(0, len(region), strides[min(number, len(strides) - 1)])
         rows = some[cover(_support(cones[some], w), max(effort.kept, len(some)))]
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
-        holds, slips = (
-            triples.take(holding),
-            triples.take(np.setdiff1d(np.arange(len(rows)), holding)),
-        )
+        holds = triples.take(holding)
         found = joined(holds, found)
+        if number + 1 >= len(strides) and len(found.region) >= ENOUGH * effort.kept:
+            break
+        slips = triples.take(np.setdiff1d(np.arange(len(rows)), holding))
         sources = joined(
             _first_of_sets(holds, effort.sources), _first_of_sets(slips, effort.sources)
         )
+        w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
     return found
+
+
+def spread_directions(cones: Array, num: int) -> Array:
+    """Unit directions spread over all wrenches as those of the cones (N, 3, 6) are, (num, 6).
+
+    They are even where the cones' wrenches reach equally far in all directions. Where they do not,
+    as the torques about a rod's axis, there are more directions that they reach less far in: the
+    critical ones.
+    """
+    wrenches = cones.reshape(-1, 6)
+    square, axes = np.linalg.eigh(wrenches.T @ wrenches)
+    reach = np.sqrt(np.maximum(square, LEVEL**2 * square[-1]))
+    even = np.random.default_rng(0).normal(size=(num, 6))
+    # The symmetric root, which does not depend on which axes are chosen where several would do.
+    return unit(even @ (axes / reach) @ axes.T)
 
 
 def _frames(regions: Regions) -> Array:
@@ -125,19 +142,15 @@ def _holding(regions: Regions, triples: Triples) -> Ints:
     return np.flatnonzero(force_closure(triples.p_BC, nhat, mu))
 
 
-def _drawn(regions: Regions, region: Ints, p_BC: Array, num: int) -> Triples:
-    """Random triples, those that hold first."""
-    rows = np.random.default_rng(0).integers(0, len(region), (num, 3))
-    triples = Triples(region[rows], p_BC[rows])
-    holds = _holding(regions, triples)
-    slips = np.setdiff1d(np.arange(num), holds)
-    return joined(triples.take(holds), triples.take(slips))
-
-
 def first_of_each_set(region: Ints) -> Ints:
     """The first row of each set of regions, ascending, (M, 3) to (K,)."""
+    return np.sort(in_order_of_sets(region))
+
+
+def in_order_of_sets(region: Ints) -> Ints:
+    """The first row of each set of regions, in the order of the sets, (M, 3) to (K,)."""
     _, first = np.unique(set_numbers(region), return_index=True)
-    return np.sort(first)
+    return first
 
 
 def set_numbers(region: Ints) -> Ints:

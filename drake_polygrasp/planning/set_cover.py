@@ -50,8 +50,8 @@ def _thresholds(h: Singles, num: int) -> Singles:
     N = len(h)
     sample = np.random.default_rng(0).integers(0, N, (_SAMPLE, 3))
     height = np.sort(_heights(h, sample))
-    share = min(1.0, max(20 * num / N**3, 1e-3))
-    passing = share ** np.array([1.0, 2 / 3, 1 / 3])
+    share = min(1.0, max(12 * num / N**3, 2e-3))
+    passing = share ** np.array([1.0, 3 / 4, 1 / 2, 1 / 4])
     return np.append(height[((1.0 - passing) * _SAMPLE).astype(int)], -np.inf)
 
 

@@ -26,7 +26,7 @@ SPREADS = (0.5, 0.9)
 
 The text's 0.5 defeats its own aim of a large triangle; on most objects 0.9 holds better.
 """
-PLACES = 2
+PLACES = 4
 """Triples that are improved on one set of regions at most, ours: the next best are often the same
 place."""
 EQUAL_BOUND = 1e-9
