@@ -179,7 +179,7 @@ def explain_sets(
     code = work.set_codes()
     if method == "enriched":
         beyond = enriched(task, Steps())
-        _judged_by_bound(beyond, SETS_OF_A_KIND + SPARE)
+        _judged_by_bound(beyond, _bounds(beyond), SETS_OF_A_KIND + SPARE)
         found = beyond.plan.sets[beyond.set_codes() == CODE["certified"]]
         code[rows_of(work.plan.sets, found)] = CODE["certified"]
     counts = task.counts(code)
@@ -199,11 +199,13 @@ def _proved(
     task: Task, steps: Steps, rank: Rank, top: int, *, quickly: bool
 ) -> tuple[Contenders, dict[int, Proof]]:
     if task.method == "enriched" and rank == "epsilon":
-        if quickly:
-            work = quick(task, top)
-            return work, _judged_by_bound(work, top)
-        work = enriched(task, steps)
-        return work, _judged_by_bound(work, top + SPARE)
+        if not quickly:
+            work = enriched(task, steps)
+            return work, _judged_by_bound(work, _bounds(work), top + SPARE)
+        work, bound = quick(task, top)
+        if task.object_.polyhedron.is_patch.any():  # there, seats turn normals
+            bound = _bounds(work)
+        return work, _judged_by_bound(work, bound, top)
     work = constructed(task, steps)
     return work, _judged_by_quality(work, rank, top)
 
@@ -219,12 +221,19 @@ def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proo
     return proofs
 
 
-def _judged_by_bound(work: Contenders, wanted: int) -> dict[int, Proof]:
+def _bounds(work: Contenders) -> Array:
+    """Coarse bounds of epsilon of all rows that may hold, 0 of others."""
+    rows = np.flatnonzero(work.outcome == UNJUDGED)
+    bound = np.zeros(len(work.outcome))
+    bound[rows] = _bound(work, rows, COARSE_TURNS)
+    return bound
+
+
+def _judged_by_bound(work: Contenders, bound: Array, wanted: int) -> dict[int, Proof]:
     """Proofs of the two best of each set, by their bounds of epsilon; the rest only if needed."""
     rows = np.flatnonzero(work.outcome == UNJUDGED)
-    bound = _bound(work, rows, COARSE_TURNS)
-    order = np.lexsort((rows, -np.round(bound, 9)))
-    rows, bound = rows[order], bound[order]
+    rows = rows[np.lexsort((rows, -np.round(bound[rows], 9)))]
+    bound = bound[rows]
     is_first = place_in_set(work.candidates.set_index[rows]) < 2
     proofs = work.judge_best(rows[is_first], bound[is_first], wanted)
     if len({int(work.candidates.set_index[row]) for row in proofs}) < wanted:

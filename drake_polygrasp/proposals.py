@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.contenders import Contenders, contenders, fits, is_clear
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.effort import FULL, QUICK
@@ -29,6 +30,7 @@ from drake_polygrasp.planning.variants import (
     Steps,
     best_first,
     best_places,
+    bounds,
     improved_triples,
     usable,
 )
@@ -38,7 +40,7 @@ MANY_REGIONS = 24
 """Ours: of more, only the sets that the search finds go through the paper's stages."""
 CHOSEN_SETS = 100
 """How many sets the search then chooses, ours."""
-RESERVE = 8
+RESERVE = 5
 """Times one more than the grasps wanted, ours: triples that stay as they were found."""
 
 
@@ -67,8 +69,10 @@ def enriched(task: Task, steps: Steps) -> Contenders:
     return contenders(task, plan, better)
 
 
-def quick(task: Task, wanted: int) -> Contenders:
-    """Triples of sample points, and the best of them a little improved.
+def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
+    """Triples of sample points, and the best of them a little improved; and bounds of epsilon.
+
+    These are of contacts on the planes of faces, before they are moved to the true surface.
 
     Sample points of flat faces without room for tips are left out, which costs less than cutting
     regions. Where improvement then leads into a corner, the triples themselves remain.
@@ -83,12 +87,15 @@ def quick(task: Task, wanted: int) -> Contenders:
     # Few triples are of few sets.
     effort = replace(QUICK, kept=QUICK.kept * (1 + wanted // 2))
     found = best_triples(regions, (region[has_room], p_FC[has_room]), *scale, effort)
-    best = found.take(best_places(regions, found, *scale, RESERVE * (wanted + 1), PLACES))
-    starts = best.take(np.arange(min(QUICK.starts, len(best.region))))
-    better, _ = improved(regions, starts.region, starts.p_BC, *scale, QUICK.rounds, QUICK.finalists)
+    bound = bounds(regions, found, *scale)
+    rows = best_places(found.region, bound, RESERVE * (wanted + 1), PLACES)
+    best, starts = found.take(rows), found.take(rows[: QUICK.starts])
+    better, risen = improved(
+        regions, starts.region, starts.p_BC, *scale, QUICK.rounds, QUICK.finalists
+    )
     triples = joined(Triples(starts.region, better), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
-    return contenders(task, unplanned(sets), triples)
+    return contenders(task, unplanned(sets), triples), np.concatenate([risen, bound[rows]])
 
 
 def _known(regions: Regions, plan: SetPlan) -> Triples:

@@ -20,6 +20,7 @@ from drake_polygrasp.planning.search import Triples, set_numbers
 from drake_polygrasp.planning.variants import (
     best_first,
     best_places,
+    bounds,
     place_in_set,
     usable,
 )
@@ -110,12 +111,12 @@ def test_improvement_moves_with_the_object() -> None:
     R = Rotation.random(random_state=3).as_matrix()
     there = moved(object_, R, [0.3, -0.1, 0.2])
     _, starts = constructed(object_)
-    bounds = []
+    found = []
     for one, p_BC in ((object_, starts.p_BC), (there, starts.p_BC @ R.T + [0.3, -0.1, 0.2])):
         own = erode(one.polyhedron)
-        bounds.append(improved(own, starts.region, p_BC, one.p_BBcm, one.rho, 2)[1])
+        found.append(improved(own, starts.region, p_BC, one.p_BBcm, one.rho, 2)[1])
     # The axes of moves are those of faces, which turned with the object.
-    assert bounds[0] == pytest.approx(bounds[1], rel=1e-4)
+    assert found[0] == pytest.approx(found[1], rel=1e-4)
 
 
 @pytest.mark.parametrize("name", OBJECTS)
@@ -133,7 +134,7 @@ def test_starts_are_the_best_and_not_all_on_one_set() -> None:
     object_ = OBJECTS["octagonal prism"]
     regions, starts = constructed(object_)
     scale = object_.p_BBcm, object_.rho
-    rows = best_places(regions, starts, *scale, 5, 1)
+    rows = best_places(starts.region, bounds(regions, starts, *scale), 5, 1)
     assert len(rows) == len(set(set_numbers(starts.region)[rows].tolist())) == 5
     nhat, mu = regions.nhat_TB_B[starts.region], regions.mu[starts.region]
     bound = epsilon_upper_bound(starts.p_BC, nhat, mu, *scale)

@@ -15,6 +15,7 @@ from benchmarks.peers import random_triples
 from drake_polygrasp import UsageError, pipeline, proposals, task
 from drake_polygrasp.certification import exact
 from drake_polygrasp.contenders import contenders
+from drake_polygrasp.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.geometry.seating import edge_distance, tip_fits
 from drake_polygrasp.grasp import GraspObject
@@ -229,11 +230,24 @@ def test_where_a_quick_search_finds_none_the_full_one_follows(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     nothing = contenders(task_of(cube()), unplanned(np.array([[0, 1, 2]])), proposals.NO_TRIPLES)
-    monkeypatch.setattr(pipeline, "quick", lambda *_: nothing)
+    monkeypatch.setattr(pipeline, "quick", lambda *_: (nothing, np.empty(0)))
     found, full = plan_grasps(cube(), effort="quick"), plan("cube")
     assert found.reasons == full.reasons
     assert found.grasps[0].grasp.p_BC.tolist() == full.grasps[0].grasp.p_BC.tolist()
     assert found.settings == full.settings | {"effort": "quick"}
+
+
+def test_quick_bounds_are_those_of_the_contacts_that_are_judged() -> None:
+    """On flat faces, where the planes of faces are the true surface."""
+    object_ = cube()
+    work, bound = proposals.quick(task_of(object_), 3)
+    anew = epsilon_upper_bound(*work.contacts, object_.p_BBcm, object_.rho, COARSE_TURNS)
+    assert len(bound) == len(anew) > 3
+    # Improvement remembers weaker directions of places nearby, so that its bounds are the lower.
+    starts = proposals.QUICK.starts
+    assert bound[starts:] == pytest.approx(anew[starts:])
+    assert (bound[:starts] < 1.000001 * anew[:starts]).all()
+    assert (bound[:starts] > 0.9 * anew[:starts]).all()
 
 
 @pytest.mark.parametrize(

@@ -57,7 +57,8 @@ def improved_triples(
         rho: greatest distance from the centre of mass to the surface [m].
         effort: how many are improved, and how long.
     """
-    starts = starts.take(best_places(regions, starts, p_BBcm, rho, effort.starts, PLACES))
+    bound = bounds(regions, starts, p_BBcm, rho)
+    starts = starts.take(best_places(starts.region, bound, effort.starts, PLACES))
     if not len(starts.region):
         return starts
     p_BC, _ = improved(
@@ -74,17 +75,20 @@ def usable(regions: Regions, triples: Triples) -> Ints:
     return rows[holds]
 
 
-def best_places(
-    regions: Regions, triples: Triples, p_BBcm: Array, rho: float, num: int, places: int
-) -> Ints:
-    """Rows of greatest bound of epsilon, some on each set of regions.
+def bounds(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
+    """Bounds of epsilon, coarse for there are many, shape (M,)."""
+    contacts = triples.p_BC, regions.nhat_TB_B[triples.region], regions.mu[triples.region]
+    return epsilon_upper_bound(*contacts, p_BBcm, rho, COARSE_TURNS)
+
+
+def best_places(region: Ints, bound: Array, num: int, places: int) -> Ints:
+    """Rows of greatest bound, (M,), some on each set of regions, (M, 3).
 
     Returns:
         Up to `num` rows, best first, at most `places` of them on one set.
     """
-    contacts = triples.p_BC, regions.nhat_TB_B[triples.region], regions.mu[triples.region]
-    rows = best_first(epsilon_upper_bound(*contacts, p_BBcm, rho, COARSE_TURNS))
-    return rows[place_in_set(set_numbers(triples.region[rows])) < places][:num]
+    rows = best_first(bound)
+    return rows[place_in_set(set_numbers(region[rows])) < places][:num]
 
 
 def best_first(value: Array) -> Ints:
