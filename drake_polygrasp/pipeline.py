@@ -133,7 +133,7 @@ def plan_grasps(
     if effort == "quick" and (method, rank, steps) != ("enriched", "epsilon", None):
         raise UsageError(
             "effort 'quick' is for all steps of 'enriched', ranked by epsilon; leave out method, "
-            "rank and steps, or quick"
+            "rank and steps, or effort"
         )
     task = make_task(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
