@@ -31,7 +31,7 @@ from benchmarks.peers import (
     triples_at,
 )
 from drake_polygrasp import GraspObject, GraspPlan, load_object, plan_grasps
-from drake_polygrasp.arrays import Array
+from drake_polygrasp.arrays import Array, keep_freed_memory
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.task import TIP_RADIUS
 
@@ -125,6 +125,7 @@ def long_search(file: Path, mu: float | None, num: int, starts: list[dict[str, A
 def search(object_: GraspObject, draw: Draw, num: int = NUM_TRIPLES) -> dict[str, Any]:
     """Best of `num` triples, proved; its stages, erosion included, are timed."""
     stopwatch = Stopwatch()
+    keep_freed_memory()
     regions = erode(object_.polyhedron)
     surface = surface_of(regions)
     stopwatch.lap("erode")

@@ -15,7 +15,7 @@ import shapely
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, epsilon_interval
-from drake_polygrasp.epsilon_bound import COARSE_TURNS, TURNS, epsilon_upper_bound
+from drake_polygrasp.epsilon_bound import epsilon_estimates, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.geometry.seating import face_of, seat, tip_fits
 from drake_polygrasp.grasp import GraspObject, Verdict
@@ -23,6 +23,8 @@ from drake_polygrasp.planning.orientation import friction_angle, opposes
 from drake_polygrasp.wrench import force_closure
 
 NUM_TRIPLES = 5_000
+ROUNDING = 1e-3
+"""Relative: what estimates in single precision may be short of."""
 _RAYS = 256
 """Rays intersected at once, which bounds memory."""
 
@@ -189,9 +191,9 @@ def have_room(object_: GraspObject, triples: Triples, tip_radius: float) -> Bool
     return np.asarray(fits.all(axis=1))
 
 
-def upper_bound(object_: GraspObject, triples: Triples, num_turns: int = TURNS) -> Array:
+def upper_bound(object_: GraspObject, triples: Triples) -> Array:
     """`epsilon_bound.epsilon_upper_bound`, shape (M,)."""
-    return epsilon_upper_bound(*triples.contacts, object_.p_BBcm, object_.rho, num_turns)
+    return epsilon_upper_bound(*triples.contacts, object_.p_BBcm, object_.rho)
 
 
 def epsilon_of(
@@ -217,10 +219,11 @@ def epsilon_of(
 
 def best_of(object_: GraspObject, triples: Triples) -> tuple[Triples, float]:
     """The row of greatest epsilon, none of no rows, and its lower bound."""
-    upper = upper_bound(object_, triples, COARSE_TURNS)  # as the planner ranks many
+    # As the planner compares many; where an estimate is too low, by less than this.
+    estimate = epsilon_estimates(*triples.contacts, object_.p_BBcm, object_.rho) * (1 + ROUNDING)
     best, epsilon = np.empty(0, dtype=np.int64), 0.0
-    for k in np.argsort(-upper, kind="stable"):
-        if upper[k] <= epsilon:
+    for k in np.argsort(-estimate, kind="stable"):
+        if estimate[k] <= epsilon:
             break
         row = np.array([k])
         lower = epsilon_of(object_, triples.take(row), at_least=epsilon)

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.arrays import Array, Ints, frozen, keep_freed_memory
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
 from drake_polygrasp.contenders import KINDS, Contenders
@@ -123,6 +123,7 @@ def plan_grasps(
         UsageError: when a parameter is not what it may be.
     """
     start = perf_counter()
+    keep_freed_memory()
     rank = rank or ("Q" if method == "paper" else "epsilon")
     if top < 1:
         raise UsageError(f"top is {top}; it must be at least 1")

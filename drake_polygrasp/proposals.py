@@ -30,7 +30,7 @@ from drake_polygrasp.planning.variants import (
     Steps,
     best_first,
     best_places,
-    bounds,
+    estimates,
     improved_triples,
     usable,
 )
@@ -87,15 +87,16 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
     # Few triples are of few sets.
     effort = replace(QUICK, kept=QUICK.kept * (1 + wanted // 2))
     found = best_triples(regions, (region[has_room], p_FC[has_room]), *scale, effort)
-    bound = bounds(regions, found, *scale)
-    rows = best_places(found.region, bound, RESERVE * (wanted + 1), PLACES)
-    best, starts = found.take(rows), found.take(rows[: QUICK.starts])
+    estimate = estimates(regions, found, *scale)
+    rows = best_places(found.region, estimate, RESERVE * (wanted + 1), PLACES)
+    best, estimate = found.take(rows), estimate[rows]
+    starts = best.take(np.arange(min(QUICK.starts, len(rows))))
     better, risen = improved(
-        regions, starts.region, starts.p_BC, *scale, QUICK.rounds, QUICK.finalists
+        regions, starts.region, starts.p_BC, estimate[: QUICK.starts], *scale, QUICK.rounds
     )
     triples = joined(Triples(starts.region, better), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
-    return contenders(task, unplanned(sets), triples), np.concatenate([risen, bound[rows]])
+    return contenders(task, unplanned(sets), triples), np.concatenate([risen, estimate])
 
 
 def _known(regions: Regions, plan: SetPlan) -> Triples:

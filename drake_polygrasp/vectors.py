@@ -28,7 +28,7 @@ def cross(a: Array, b: Array) -> Array:
 def cross_first(a: Array, b: Array) -> Array:
     """Vector products over the first axis: of many vectors, each operation is contiguous."""
     x = a[1] * b[2] - a[2] * b[1]
-    product = np.empty((3, *x.shape))
+    product = np.empty((3, *x.shape), x.dtype)
     product[0] = x
     product[1] = a[2] * b[0] - a[0] * b[2]
     product[2] = a[0] * b[1] - a[1] * b[0]

@@ -243,11 +243,7 @@ def test_quick_bounds_are_those_of_the_contacts_that_are_judged() -> None:
     work, bound = proposals.quick(task_of(object_), 3)
     anew = epsilon_upper_bound(*work.contacts, object_.p_BBcm, object_.rho, COARSE_TURNS)
     assert len(bound) == len(anew) > 3
-    # Improvement remembers weaker directions of places nearby, so that its bounds are the lower.
-    starts = proposals.QUICK.starts
-    assert bound[starts:] == pytest.approx(anew[starts:])
-    assert (bound[:starts] < 1.000001 * anew[:starts]).all()
-    assert (bound[:starts] > 0.9 * anew[:starts]).all()
+    assert bound == pytest.approx(anew, rel=1e-4)
 
 
 @pytest.mark.parametrize(

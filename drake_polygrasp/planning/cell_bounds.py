@@ -27,6 +27,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.epsilon_bound import critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.planning.face_support import contacts_on
 from drake_polygrasp.vectors import cross
 from drake_polygrasp.wrench import force_closure
 
@@ -76,7 +77,7 @@ def bounded(regions: Regions, cells: CellTriples, threshold: float) -> tuple[Cel
         The cells, and an upper estimate of epsilon of contacts in their middles, close to it,
         shape (N,).
     """
-    contacts = cells.middle, regions.nhat_TB_B[cells.region], regions.mu[cells.region]
+    contacts = contacts_on(regions, cells.region, cells.middle)
     critical, estimate = critical_directions(*contacts, np.zeros(3), 1.0, TURNING)
     estimate = np.where(force_closure(*contacts), estimate, 0.0)
     discs = corner_discs(regions, cells)

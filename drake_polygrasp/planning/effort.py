@@ -27,10 +27,8 @@ class Effort:
     """Triples kept in each pass at least; of many points, as many."""
     starts: int
     """Triples that are improved."""
-    rounds: int
-    """Of improvement."""
-    finalists: int
-    """Triples that are improved to the end."""
+    rounds: tuple[tuple[int, int], ...]
+    """Of improvement: how many grasps go on, and how many others are drawn about each."""
 
 
 FULL = Effort(
@@ -39,10 +37,9 @@ FULL = Effort(
     directions=500,
     strides=(4, 2, 1),
     sources=24,
-    kept=400,
-    starts=16,
-    rounds=8,
-    finalists=4,
+    kept=250,
+    starts=24,
+    rounds=((24, 40), (8, 60), (4, 100), (4, 100), (4, 100)),
 )
 QUICK = Effort(
     points=70,
@@ -51,7 +48,6 @@ QUICK = Effort(
     strides=(1,),
     sources=12,
     kept=70,
-    starts=4,
-    rounds=1,
-    finalists=4,
+    starts=3,
+    rounds=((3, 50), (1, 80)),
 )

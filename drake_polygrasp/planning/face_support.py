@@ -38,27 +38,6 @@ class FaceTwists:
         h -= v_z + w_x * y - w_y * x
         return h
 
-    def joined(self, others: FaceTwists) -> FaceTwists:
-        """These directions and others, on the same faces."""
-        return FaceTwists(
-            np.concatenate([self.v_F, others.v_F], axis=-1),
-            np.concatenate([self.w_F, others.w_F], axis=-1),
-            self.mu,
-        )
-
-    def take(self, rows: Ints) -> FaceTwists:
-        """The same for some of the rows."""
-        return FaceTwists(self.v_F[rows], self.w_F[rows], self.mu[rows])
-
-    def only(self, directions: Ints) -> FaceTwists:
-        """Some of the directions, the same for three faces each: (M, 3, K) and (M, J)."""
-        rows = np.arange(len(directions))[:, None]
-        return FaceTwists(
-            np.moveaxis(self.v_F[rows, ..., directions], 1, -1),
-            np.moveaxis(self.w_F[rows, ..., directions], 1, -1),
-            self.mu,
-        )
-
 
 def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: float) -> FaceTwists:
     """Directions w, shape (..., K, 6), on regions, shape (...); the shapes broadcast."""
@@ -67,6 +46,11 @@ def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: fl
     v = v + cross(omega, (regions.p_BF[region] - p_BBcm)[..., None, :] / rho)
     v_F, w_F = R_FB @ v.swapaxes(-1, -2), R_FB @ (omega / rho).swapaxes(-1, -2)
     return FaceTwists(v_F, w_F, regions.mu[region])
+
+
+def contacts_on(regions: Regions, region: Ints, p_BC: Array) -> tuple[Array, Array, Array]:
+    """Contacts at points of regions, as the functions of `wrench` take them."""
+    return p_BC, regions.nhat_TB_B[region], regions.mu[region]
 
 
 def points_on(regions: Regions, region: Ints, p_FC: Array) -> Array:

@@ -13,10 +13,19 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.epsilon_bound import critical_directions
+from drake_polygrasp.epsilon_bound import (
+    critical_directions,
+    epsilon_estimates,
+    epsilon_upper_bound,
+)
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.cell_bounds import KEPT, CellTriples, bounded
-from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
+from drake_polygrasp.planning.face_support import (
+    contacts_on,
+    face_twists,
+    points_in_faces,
+    points_on,
+)
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import Triples
 
@@ -30,7 +39,7 @@ MOST_OPEN = 100_000
 """Triples that are kept at most, ours: half a kilobyte each."""
 _WORTH = 1e-3
 """Relative, ours: a grasp is better when it is by more than this."""
-_ROUNDS = 12
+_ROUNDS = ((1, 120),) * 8
 """Of improvement for every new best grasp, ours."""
 
 
@@ -98,8 +107,8 @@ def _directions(regions: Regions, known: Triples, p_BBcm: Array, rho: float) -> 
     pure = np.concatenate([np.pad(axes, ((0, 0), (0, 3))), np.pad(axes, ((0, 0), (3, 0)))])
     if not len(known.region):
         return pure
-    nhat, mu = regions.nhat_TB_B[known.region], regions.mu[known.region]
-    w, _ = critical_directions(known.p_BC, nhat, mu, p_BBcm, rho, rotations=True)
+    contacts = contacts_on(regions, known.region, known.p_BC)
+    w, _ = critical_directions(*contacts, p_BBcm, rho, rotations=True)
     return np.concatenate([pure, w.reshape(-1, 6)])
 
 
@@ -189,5 +198,7 @@ def _improved(
     p_FC = points_in_faces(regions, region, p_BC)
     if not shapely.intersects_xy(regions.polygon_F[region], p_FC[..., 0], p_FC[..., 1]).all():
         return Triples(region[:0], p_BC[:0]), 0.0
-    p_BC, epsilon = improved(regions, region, p_BC, p_BBcm, rho, _ROUNDS)
-    return Triples(region, p_BC), float(epsilon[0])
+    estimate = epsilon_estimates(*contacts_on(regions, region, p_BC), p_BBcm, rho)
+    p_BC, _ = improved(regions, region, p_BC, estimate, p_BBcm, rho, _ROUNDS)
+    bound = epsilon_upper_bound(*contacts_on(regions, region, p_BC), p_BBcm, rho)
+    return Triples(region, p_BC), float(bound[0])

@@ -9,14 +9,15 @@ resist least, added in later passes, tell the best ones from each other.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.epsilon_bound import COARSE_TURNS, critical_directions
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.effort import FULL, Effort
-from drake_polygrasp.planning.face_support import points_on
+from drake_polygrasp.planning.face_support import contacts_on, points_on
 from drake_polygrasp.planning.set_cover import Singles, cover
 from drake_polygrasp.vectors import unit
 from drake_polygrasp.wrench import force_closure, frame_wrenches
@@ -109,9 +110,14 @@ def spread_directions(cones: Array, num: int) -> Array:
     wrenches = cones.reshape(-1, 6)
     square, axes = np.linalg.eigh(wrenches.T @ wrenches)
     reach = np.sqrt(np.maximum(square, LEVEL**2 * square[-1]))
-    even = np.random.default_rng(0).normal(size=(num, 6))
     # The symmetric root, which does not depend on which axes are chosen where several would do.
-    return unit(even @ (axes / reach) @ axes.T)
+    return unit(_even(num) @ (axes / reach) @ axes.T)
+
+
+@cache
+def _even(num: int) -> Array:
+    """Vectors of no preferred direction, shape (num, 6)."""
+    return frozen(np.random.default_rng(0).normal(size=(num, 6)))
 
 
 def _frames(regions: Regions) -> Array:
@@ -131,15 +137,13 @@ def _support(cones: Array, w: Array) -> Singles:
 
 
 def _weakest(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
-    nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
-    contacts = triples.p_BC, nhat, mu
+    contacts = contacts_on(regions, triples.region, triples.p_BC)
     w, _ = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS, rotations=True)
     return w.reshape(-1, 6)
 
 
 def _holding(regions: Regions, triples: Triples) -> Ints:
-    nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
-    return np.flatnonzero(force_closure(triples.p_BC, nhat, mu))
+    return np.flatnonzero(force_closure(*contacts_on(regions, triples.region, triples.p_BC)))
 
 
 def first_of_each_set(region: Ints) -> Ints:

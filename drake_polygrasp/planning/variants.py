@@ -13,10 +13,10 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
+from drake_polygrasp.epsilon_bound import epsilon_estimates
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.effort import FULL, Effort
-from drake_polygrasp.planning.face_support import points_in_faces
+from drake_polygrasp.planning.face_support import contacts_on, points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import Triples, set_numbers
 from drake_polygrasp.wrench import force_closure
@@ -57,37 +57,33 @@ def improved_triples(
         rho: greatest distance from the centre of mass to the surface [m].
         effort: how many are improved, and how long.
     """
-    bound = bounds(regions, starts, p_BBcm, rho)
-    starts = starts.take(best_places(starts.region, bound, effort.starts, PLACES))
-    if not len(starts.region):
-        return starts
-    p_BC, _ = improved(
-        regions, starts.region, starts.p_BC, p_BBcm, rho, effort.rounds, effort.finalists
-    )
-    return Triples(starts.region, p_BC)
+    estimate = estimates(regions, starts, p_BBcm, rho)
+    rows = best_places(starts.region, estimate, effort.starts, PLACES)
+    region, p_BC = starts.region[rows], starts.p_BC[rows]
+    p_BC, _ = improved(regions, region, p_BC, estimate[rows], p_BBcm, rho, effort.rounds)
+    return Triples(region, p_BC)
 
 
 def usable(regions: Regions, triples: Triples) -> Ints:
     """Rows that are force closure with all contacts in their regions."""
     rows = np.flatnonzero(_inside(regions, triples))
-    region = triples.region[rows]
-    holds = force_closure(triples.p_BC[rows], regions.nhat_TB_B[region], regions.mu[region])
-    return rows[holds]
+    triples = triples.take(rows)
+    return rows[force_closure(*contacts_on(regions, triples.region, triples.p_BC))]
 
 
-def bounds(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
-    """Bounds of epsilon, coarse for there are many, shape (M,)."""
-    contacts = triples.p_BC, regions.nhat_TB_B[triples.region], regions.mu[triples.region]
-    return epsilon_upper_bound(*contacts, p_BBcm, rho, COARSE_TURNS)
+def estimates(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
+    """Of epsilon, shape (M,)."""
+    contacts = contacts_on(regions, triples.region, triples.p_BC)
+    return epsilon_estimates(*contacts, p_BBcm, rho)
 
 
-def best_places(region: Ints, bound: Array, num: int, places: int) -> Ints:
-    """Rows of greatest bound, (M,), some on each set of regions, (M, 3).
+def best_places(region: Ints, estimate: Array, num: int, places: int) -> Ints:
+    """Rows of greatest estimate, (M,), some on each set of regions, (M, 3).
 
     Returns:
         Up to `num` rows, best first, at most `places` of them on one set.
     """
-    rows = best_first(bound)
+    rows = best_first(estimate)
     return rows[place_in_set(set_numbers(region[rows])) < places][:num]
 
 
