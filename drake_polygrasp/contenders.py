@@ -64,13 +64,17 @@ class Contenders:
         """What the functions of `wrench` take first."""
         return self.candidates.p_BC, self.nhat_TB_B, self.mu
 
+    def contacts_of(self, rows: Ints) -> tuple[Array, Array, Array]:
+        """`contacts` of some candidates."""
+        return self.candidates.p_BC[rows], self.nhat_TB_B[rows], self.mu[rows]
+
     def judge(self, rows: Ints) -> dict[int, Proof]:
         """Whether tips fit and the exact certificate holds; the proofs of those that hold.
 
         Contacts must be where `verify` finds them too: on the exposed surface, with the body
         behind them and no more friction than is there.
         """
-        p_BC, nhat_TB_B, mu = self.contacts
+        _, nhat_TB_B, mu = self.contacts
         found = face_of(self.task.object_.polyhedron, *self._flat(rows)).reshape(-1, 3)
         there = np.append(self.task.object_.polyhedron.mu, -np.inf)[found]
         on_face = mu[rows] <= there
@@ -84,7 +88,7 @@ class Contenders:
             ("obstructed", is_clear),
         ):
             rows = self._passed(rows, passes(self.task, *self._flat(rows)), reason)
-        proofs = prove_many(p_BC[rows], nhat_TB_B[rows], mu[rows])
+        proofs = prove_many(*self.contacts_of(rows))
         self.outcome[rows] = [_OUTCOME[proof.verdict] for proof in proofs]
         return {
             int(row): proof

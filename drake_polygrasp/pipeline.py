@@ -14,14 +14,14 @@ from drake_polygrasp.arrays import Array, Ints, frozen, keep_freed_memory
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
 from drake_polygrasp.contenders import KINDS, Contenders
-from drake_polygrasp.epsilon_bound import COARSE_TURNS, TURNS, epsilon_upper_bound
+from drake_polygrasp.epsilon_bound import epsilon_estimates, epsilon_upper_bound
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.effort import EffortName
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method
-from drake_polygrasp.planning.variants import Steps, place_in_set
+from drake_polygrasp.planning.variants import Steps, best_first, place_in_set, tied
 from drake_polygrasp.proposals import constructed, enriched, quick
 from drake_polygrasp.task import Task, make_task, rows_of
 
@@ -31,7 +31,7 @@ SETS_OF_A_KIND = 10
 """Sets of each kind that are proved at least to be ranked by margin, ours: Q favours two-face
 sets, though three faces hold best on most objects without parallel faces."""
 SPARE = 2
-"""Sets proved beyond those wanted, for bounds of epsilon do not quite rank as epsilon, ours."""
+"""Sets proved beyond those wanted, for estimates do not quite rank as epsilon, ours."""
 
 
 @dataclass(frozen=True, order=True)
@@ -180,7 +180,7 @@ def explain_sets(
     code = work.set_codes()
     if method == "enriched":
         beyond = enriched(task, Steps())
-        _judged_by_bound(beyond, _bounds(beyond), SETS_OF_A_KIND + SPARE)
+        _judged_by_estimate(beyond, _estimates(beyond), SETS_OF_A_KIND + SPARE)
         found = beyond.plan.sets[beyond.set_codes() == CODE["certified"]]
         code[rows_of(work.plan.sets, found)] = CODE["certified"]
     counts = task.counts(code)
@@ -202,11 +202,11 @@ def _proved(
     if task.method == "enriched" and rank == "epsilon":
         if not quickly:
             work = enriched(task, steps)
-            return work, _judged_by_bound(work, _bounds(work), top + SPARE)
-        work, bound = quick(task, top)
+            return work, _judged_by_estimate(work, _estimates(work), top + SPARE)
+        work, estimate = quick(task, top)
         if task.object_.polyhedron.is_patch.any():  # there, seats turn normals
-            bound = _bounds(work)
-        return work, _judged_by_bound(work, bound, top)
+            estimate = _estimates(work)
+        return work, _judged_by_estimate(work, estimate, top)
     work = constructed(task, steps)
     return work, _judged_by_quality(work, rank, top)
 
@@ -222,30 +222,24 @@ def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proo
     return proofs
 
 
-def _bounds(work: Contenders) -> Array:
-    """Coarse bounds of epsilon of all rows that may hold, 0 of others."""
+def _estimates(work: Contenders) -> Array:
+    """Of epsilon of all rows that may hold, 0 of others."""
     rows = np.flatnonzero(work.outcome == UNJUDGED)
-    bound = np.zeros(len(work.outcome))
-    bound[rows] = _bound(work, rows, COARSE_TURNS)
-    return bound
+    object_, estimate = work.task.object_, np.zeros(len(work.outcome))
+    estimate[rows] = epsilon_estimates(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
+    return estimate
 
 
-def _judged_by_bound(work: Contenders, bound: Array, wanted: int) -> dict[int, Proof]:
-    """Proofs of the two best of each set, by their bounds of epsilon; the rest only if needed."""
+def _judged_by_estimate(work: Contenders, estimate: Array, wanted: int) -> dict[int, Proof]:
+    """Proofs of the two best of each set, by estimates of epsilon; the rest only if needed."""
     rows = np.flatnonzero(work.outcome == UNJUDGED)
-    rows = rows[np.lexsort((rows, -np.round(bound[rows], 9)))]
-    bound = bound[rows]
+    rows = rows[best_first(estimate[rows])]
+    score = tied(estimate[rows])
     is_first = place_in_set(work.candidates.set_index[rows]) < 2
-    proofs = work.judge_best(rows[is_first], bound[is_first], wanted)
+    proofs = work.judge_best(rows[is_first], score[is_first], wanted)
     if len({int(work.candidates.set_index[row]) for row in proofs}) < wanted:
-        proofs |= work.judge_best(rows[~is_first], bound[~is_first], wanted)
+        proofs |= work.judge_best(rows[~is_first], score[~is_first], wanted)
     return proofs
-
-
-def _bound(work: Contenders, rows: Ints, num_turns: int = TURNS) -> Array:
-    p_BC, nhat_TB_B, mu = (values[rows] for values in work.contacts)
-    object_ = work.task.object_
-    return epsilon_upper_bound(p_BC, nhat_TB_B, mu, object_.p_BBcm, object_.rho, num_turns)
 
 
 def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:
@@ -257,7 +251,8 @@ def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ran
     elif rank == "margin" or len(rows) == 1:  # one alone needs no score
         score = margin
     else:
-        score = _bound(work, rows)
+        object_ = work.task.object_
+        score = epsilon_upper_bound(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
     entries = sorted(
         _Ranked(-round(float(s), 9), -round(float(m), 9), tuple(work.face[row].tolist()), int(row))
         for s, m, row in zip(score, margin, rows, strict=True)

@@ -70,7 +70,7 @@ def enriched(task: Task, steps: Steps) -> Contenders:
 
 
 def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
-    """Triples of sample points, and the best of them a little improved; and bounds of epsilon.
+    """Triples of sample points, and the best of them a little improved; and estimates of epsilon.
 
     These are of contacts on the planes of faces, before they are moved to the true surface.
 

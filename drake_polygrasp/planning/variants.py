@@ -29,8 +29,8 @@ The text's 0.5 defeats its own aim of a large triangle; on most objects 0.9 hold
 PLACES = 4
 """Triples that are improved on one set of regions at most, ours: the next best are often the same
 place."""
-EQUAL_BOUND = 1e-9
-"""Relative, ours: bounds nearer than this are a tie."""
+EQUAL = 1e-5
+"""Relative, ours: estimates nearer than this, which have six digits, are a tie."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,14 @@ def best_places(region: Ints, estimate: Array, num: int, places: int) -> Ints:
 
 def best_first(value: Array) -> Ints:
     """Rows by falling value; of ties the first comes first."""
-    scale = EQUAL_BOUND * max(value.max(initial=0.0), np.finfo(float).tiny)
-    return np.argsort(-np.round(value / scale), kind="stable")
+    return np.argsort(-tied(value), kind="stable")
+
+
+def tied(value: Array) -> Array:
+    """The values, with those that are a tie made equal."""
+    scale = EQUAL * max(value.max(initial=0.0), np.finfo(float).tiny)
+    rounded: Array = scale * np.round(value / scale)
+    return rounded
 
 
 def place_in_set(number: Ints) -> Ints:
