@@ -21,7 +21,7 @@ def keep_freed_memory() -> None:
 
     glibc keeps twice the largest block that was ever freed, 128 kB at first. Until something
     frees more, a quick plan's arrays are given back and faulted in 2,000 times, which takes a
-    third of its time. This block is never touched and so costs nothing.
+    quarter of its time. This block is never touched and so costs nothing.
     """
     np.empty(_KEPT, dtype=np.uint8)
 

@@ -14,11 +14,12 @@ from drake_polygrasp.arrays import Array, Ints, frozen, keep_freed_memory
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
 from drake_polygrasp.contenders import KINDS, Contenders
-from drake_polygrasp.epsilon_bound import epsilon_estimates, epsilon_upper_bound
+from drake_polygrasp.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.planning.effort import EffortName
+from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method
 from drake_polygrasp.planning.variants import Steps, best_first, place_in_set, tied

@@ -16,14 +16,17 @@ PACKAGE = Path(drake_polygrasp.__file__).parent
 ROOT = PACKAGE.parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 PURE = [
-    *(PACKAGE / f"{name}.py" for name in ("errors", "vectors", "grasp", "wrench", "epsilon_bound")),
+    *(
+        PACKAGE / f"{name}.py"
+        for name in ("errors", "vectors", "grasp", "wrench", "facet_lines", "epsilon_bound")
+    ),
     *PACKAGE.glob("geometry/*.py"),
     *PACKAGE.glob("planning/*.py"),
 ]
 ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
     ("errors", "arrays", "vectors"),
-    ("geometry", "wrench", "epsilon_bound"),
+    ("geometry", "wrench", "facet_lines", "epsilon_bound"),
     ("grasp",),
     ("input_file", "plain_yaml", "loading"),
     ("planning", "certification", "grasp_file", "plan_settings"),

@@ -12,11 +12,11 @@ from drake_polygrasp.certification.wrench_space import epsilon_interval
 from drake_polygrasp.epsilon_bound import (
     COARSE_TURNS,
     critical_directions,
-    epsilon_estimates,
     epsilon_upper_bound,
 )
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.face_support import points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.outcome import has_contacts

@@ -19,6 +19,7 @@
 | beyond | triples of them, however many | search.py | best_triples | test_search.py |
 | beyond | three that reach highest in all directions | set_cover.py | cover | test_search.py |
 | beyond | contacts that move while epsilon rises | improvement.py | improved | test_improvement.py |
+| beyond | how far W reaches, nearly, at a few microseconds a grasp | epsilon_estimate.py | epsilon_estimates | test_improvement.py |
 | beyond | h(w) as a function of places on faces | face_support.py | face_twists | test_search.py |
 | beyond | how near to the best grasp there is | optimum.py | bound_optimum | test_gap.py |
 | beyond | what bounds epsilon while contacts move | cell_bounds.py | bounded | test_gap.py |

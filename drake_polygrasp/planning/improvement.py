@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.epsilon_bound import epsilon_estimates
 from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces, points_on
 from drake_polygrasp.planning.planar import Shapes
 from drake_polygrasp.wrench import force_closure

@@ -13,13 +13,10 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.epsilon_bound import (
-    critical_directions,
-    epsilon_estimates,
-    epsilon_upper_bound,
-)
+from drake_polygrasp.epsilon_bound import critical_directions, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.cell_bounds import KEPT, CellTriples, bounded
+from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.face_support import (
     contacts_on,
     face_twists,

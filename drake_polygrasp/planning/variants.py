@@ -13,9 +13,9 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.epsilon_bound import epsilon_estimates
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.effort import FULL, Effort
+from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import Triples, set_numbers

@@ -1,0 +1,110 @@
+"""Twists that hold one contact's disc in a facet of W: where W reaches least far, nearly always.
+
+Arrays have grasps last and components first, so that what is computed for all grasps is
+contiguous; W and h are those of `wrench`. All is computed in the precision of what it is given.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.vectors import cross_first
+
+CHUNK = 256
+"""Grasps at a time, which keeps the arrays of their twists in the cache."""
+TINY = 1e-30
+"""Keeps divisions finite, in single precision too."""
+_SLOW = {"d": 1e-12, "f": 1e-6}
+"""Ours: rates of less count as this much, by precision."""
+_FLAT = {"d": 1e-100, "f": 1e-10}
+"""Ours: curvatures of less count as this much, by precision."""
+_ORDERS = np.array(list(itertools.permutations(range(3)))).T
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Lines of twists at which one contact's disc lies in a facet of W.
+
+    A contact's part of W is a disc, the wrenches of its cone with normal force 1. The facet
+    nearest to the origin nearly always holds the disc of some contact i and touches the rims of
+    the others, j and k, in a point each. Seen as a twist with velocities g at the contacts, such
+    a w has g_i = n_i, and g_j and g_k with h = 1. Rigidity leaves a turn t about r_ij, by which
+    g_k is brought to h_k = 1, and the angle of the point on rim j, with g_j = n_j + s (cos t_1 +
+    sin t_2 - mu_j n_j). (i, j, k) are all permutations.
+    """
+
+    linear: Array
+    """What multiplies s cos, s sin, s, 1 and t, shape (9, 5, 6, M). Rows are x, y, z of g_k in
+    k's own frame, then the twist: velocity of the centre of mass and rho times angular
+    velocity."""
+    rate: Array
+    """The same of (g_j - n_i) . r_ij, which rigidity makes zero, without t, shape (4, 6, M)."""
+    mu_j: Array
+    """Shape (6, M)."""
+    mu_k: Array
+    """Shape (6, M)."""
+
+    def s(self, points: Array) -> Array:
+        """Where rigidity puts g_j, for points of the rim (T, 3), shape (T, 6, M)."""
+        turning = combined(points, self.rate[:3])
+        level = _SLOW[turning.dtype.char]
+        s: Array = -self.rate[3] / np.where(np.abs(turning) < level, level, turning)
+        return s
+
+    def h_j(self, s: Array) -> Array:
+        """What h is at contact j; at contact i it is 1."""
+        return 1.0 + self.mu_j * (np.abs(s) - s)
+
+
+def lines_of(frames: Array, r: Array, mu: Array) -> Lines:
+    """The lines of grasps, from `grasps_last` of frames, points and friction."""
+    i, j, k = _ORDERS
+    r_i, n_i = r[:, i], frames[:, 0, i]
+    r_ij, r_ik = r[:, j] - r_i, r[:, k] - r_i
+    n_j, t_1, t_2 = frames[:, :, j].swapaxes(0, 1)
+    change = np.stack([t_1, t_2, -mu[j] * n_j, n_j - n_i], axis=1)
+    linear = np.empty((9, 5, *n_i.shape[1:]), frames.dtype)
+    v, omega = linear[3:6], linear[6:]
+    omega[:, :4] = cross_first(r_ij[:, None], change) / ((r_ij * r_ij).sum(axis=0) + TINY)
+    omega[:, 4] = r_ij
+    v[:] = cross_first(r_i[:, None], omega)
+    g_k = cross_first(omega, r_ik[:, None])
+    v[:, 3] += n_i
+    g_k[:, 3] += n_i
+    linear[:3] = (frames[:, :, None, k] * g_k[:, None]).sum(axis=0)
+    return Lines(linear, (change * r_ij[:, None]).sum(axis=0), mu[j], mu[k])
+
+
+def grasps_last(values: Array) -> Array:
+    """The last axes of (M, contacts, ...) first: what is computed for all grasps is contiguous."""
+    return np.ascontiguousarray(values.T)
+
+
+def chunks(num: int) -> list[slice]:
+    """Rows of `CHUNK` grasps each, one slice at least."""
+    return [slice(first, first + CHUNK) for first in range(0, max(num, 1), CHUNK)]
+
+
+@cache
+def rim(num_turns: int) -> Array:
+    """Points (cos, sin, 1) around a unit circle, shape (num_turns, 3)."""
+    angles = 2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns
+    return frozen(np.stack([np.cos(angles), np.sin(angles), np.ones(num_turns)], axis=1))
+
+
+def combined(weights: Array, values: Array) -> Array:
+    """Weighted sums, (T, K) of (..., K, 6, M) to (..., T, 6, M)."""
+    *shape, K, L, M = values.shape
+    sums: Array = weights.astype(values.dtype) @ values.reshape(*shape, K, L * M)
+    return sums.reshape(*shape, len(weights), L, M)
+
+
+def not_flat(a: Array) -> Array:
+    """The curvatures, kept off zero to divide by."""
+    level = _FLAT[a.dtype.char]
+    return np.where(np.abs(a) < level, level, a)
