@@ -74,12 +74,11 @@ class Contenders:
         Contacts must be where `verify` finds them too: on the exposed surface, with the body
         behind them and no more friction than is there.
         """
-        _, nhat_TB_B, mu = self.contacts
         found = face_of(self.task.object_.polyhedron, *self._flat(rows)).reshape(-1, 3)
         there = np.append(self.task.object_.polyhedron.mu, -np.inf)[found]
-        on_face = mu[rows] <= there
+        on_face = self.mu[rows] <= there
         # On curved surfaces, whose faces are patches, the true normals decide what is excluded.
-        avoided = self.task.exclusion.avoids(nhat_TB_B[rows].reshape(-1, 3), found.ravel())
+        avoided = self.task.exclusion.avoids(self.nhat_TB_B[rows].reshape(-1, 3), found.ravel())
         avoided = avoided.reshape(-1, 3)[on_face.all(axis=1)]
         rows = self._passed(rows, on_face, "off_face")
         rows = self._passed(rows, ~avoided, "excluded")

@@ -11,16 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.facet_lines import (
-    TINY,
-    Lines,
-    chunks,
-    combined,
-    grasps_last,
-    lines_of,
-    not_flat,
-    rim,
-)
+from drake_polygrasp.facet_lines import TINY, Lines, chunks, combined, lines_of, not_flat
 from drake_polygrasp.vectors import cross, dot, unit
 from drake_polygrasp.wrench import contact_frames, frame_wrenches, plane_normal
 
@@ -57,8 +48,7 @@ def epsilon_upper_bound(
     bounds: list[Array] = []
     for rows in chunks(len(p_BC)):
         frames, r = _placed(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
-        lines = lines_of(*(grasps_last(values) for values in (frames, r, mu[rows])))
-        radii = _rim_twists(lines, num_turns).radii()
+        radii = _rim_twists(lines_of(frames, r, mu[rows], num_turns)).radii()
         bounds.append(radii.min(axis=(0, 1, 2)))
     highest: Array = np.maximum(np.concatenate(bounds), 0.0)
     return highest
@@ -87,8 +77,7 @@ def critical_directions(
     found = []
     for rows in chunks(len(p_BC)):
         frames, r = _placed(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
-        lines = lines_of(*(grasps_last(values) for values in (frames, r, mu[rows])))
-        twists = _rim_twists(lines, num_turns)
+        twists = _rim_twists(lines_of(frames, r, mu[rows], num_turns))
         radii = twists.radii()
         around = np.arange(num_turns)
         neighbours = np.minimum(radii[:, around - 1], radii[:, around + 1 - num_turns])
@@ -146,11 +135,10 @@ class _RimTwists:
         return radii
 
 
-def _rim_twists(lines: Lines, num_turns: int) -> _RimTwists:
-    points, linear, mu_k = rim(num_turns), lines.linear, lines.mu_k
-    s = lines.s(points)
-    at = combined(points, linear[:, :3])
-    at *= s
+def _rim_twists(lines: Lines) -> _RimTwists:
+    linear, mu_k = lines.linear, lines.mu_k
+    at = combined(lines.points, linear[:, :3])
+    at *= lines.s
     at += linear[:, 3, None]
     # h_k = 1 is quadratic in t.
     (x, y, z), (x_t, y_t, z_t) = at[:3], linear[:3, 4]
@@ -159,7 +147,7 @@ def _rim_twists(lines: Lines, num_turns: int) -> _RimTwists:
     c = mu_k**2 * (y * y + z * z) - (1 - x) ** 2
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
     t = np.stack([-b - root, -b + root]) / not_flat(a)
-    return _RimTwists(at, linear[:, 4], t, lines.h_j(s), mu_k)
+    return _RimTwists(at, linear[:, 4], t, lines.h_j, mu_k)
 
 
 def _radii(cones: Array, w: Array) -> Array:

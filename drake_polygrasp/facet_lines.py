@@ -1,6 +1,6 @@
 """Twists that hold one contact's disc in a facet of W: where W reaches least far, nearly always.
 
-Arrays have grasps last and components first, so that what is computed for all grasps is
+Arrays of lines have grasps last and components first, so that what is computed for all grasps is
 contiguous; W and h are those of `wrench`. All is computed in the precision of what it is given.
 """
 
@@ -34,35 +34,34 @@ class Lines:
     nearest to the origin nearly always holds the disc of some contact i and touches the rims of
     the others, j and k, in a point each. Seen as a twist with velocities g at the contacts, such
     a w has g_i = n_i, and g_j and g_k with h = 1. Rigidity leaves a turn t about r_ij, by which
-    g_k is brought to h_k = 1, and the angle of the point on rim j, with g_j = n_j + s (cos t_1 +
-    sin t_2 - mu_j n_j). (i, j, k) are all permutations.
+    g_k is brought to h_k = 1, and the angle of the point on rim j, of which T are tried, with
+    g_j = n_j + s (cos t_1 + sin t_2 - mu_j n_j). (i, j, k) are all permutations.
     """
 
     linear: Array
     """What multiplies s cos, s sin, s, 1 and t, shape (9, 5, 6, M). Rows are x, y, z of g_k in
     k's own frame, then the twist: velocity of the centre of mass and rho times angular
     velocity."""
-    rate: Array
-    """The same of (g_j - n_i) . r_ij, which rigidity makes zero, without t, shape (4, 6, M)."""
-    mu_j: Array
-    """Shape (6, M)."""
+    points: Array
+    """cos, sin and 1 of the angles, shape (T, 3)."""
+    s: Array
+    """Where rigidity puts g_j, shape (T, 6, M)."""
+    h_j: Array
+    """What h is at contact j, where it is 1 at contact i, shape (T, 6, M)."""
     mu_k: Array
     """Shape (6, M)."""
 
-    def s(self, points: Array) -> Array:
-        """Where rigidity puts g_j, for points of the rim (T, 3), shape (T, 6, M)."""
-        turning = combined(points, self.rate[:3])
-        level = _SLOW[turning.dtype.char]
-        s: Array = -self.rate[3] / np.where(np.abs(turning) < level, level, turning)
-        return s
 
-    def h_j(self, s: Array) -> Array:
-        """What h is at contact j; at contact i it is 1."""
-        return 1.0 + self.mu_j * (np.abs(s) - s)
+def lines_of(frames: Array, r: Array, mu: Array, num_turns: int) -> Lines:
+    """The lines of grasps.
 
-
-def lines_of(frames: Array, r: Array, mu: Array) -> Lines:
-    """The lines of grasps, from `grasps_last` of frames, points and friction."""
+    Args:
+        frames: of contacts, as of `wrench.contact_frames`, shape (M, 3, 3, 3).
+        r: points from the centre of mass over rho, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        num_turns: T, how many angles are tried.
+    """
+    frames, r, mu = grasps_last(frames), grasps_last(r), grasps_last(mu)
     i, j, k = _ORDERS
     r_i, n_i = r[:, i], frames[:, 0, i]
     r_ij, r_ik = r[:, j] - r_i, r[:, k] - r_i
@@ -77,7 +76,12 @@ def lines_of(frames: Array, r: Array, mu: Array) -> Lines:
     v[:, 3] += n_i
     g_k[:, 3] += n_i
     linear[:3] = (frames[:, :, None, k] * g_k[:, None]).sum(axis=0)
-    return Lines(linear, (change * r_ij[:, None]).sum(axis=0), mu[j], mu[k])
+    # Rigidity: (g_j - n_i) . r_ij = 0.
+    points, rate = _rim(num_turns), (change * r_ij[:, None]).sum(axis=0)
+    turning = combined(points, rate[:3])
+    level = _SLOW[turning.dtype.char]
+    s = -rate[3] / np.where(np.abs(turning) < level, level, turning)
+    return Lines(linear, points, s, 1.0 + mu[j] * (np.abs(s) - s), mu[k])
 
 
 def grasps_last(values: Array) -> Array:
@@ -91,7 +95,7 @@ def chunks(num: int) -> list[slice]:
 
 
 @cache
-def rim(num_turns: int) -> Array:
+def _rim(num_turns: int) -> Array:
     """Points (cos, sin, 1) around a unit circle, shape (num_turns, 3)."""
     angles = 2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns
     return frozen(np.stack([np.cos(angles), np.sin(angles), np.ones(num_turns)], axis=1))

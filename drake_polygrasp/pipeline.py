@@ -22,7 +22,7 @@ from drake_polygrasp.planning.effort import EffortName
 from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.orientation import least_opposing_friction
 from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method
-from drake_polygrasp.planning.variants import Steps, best_first, place_in_set, tied
+from drake_polygrasp.planning.variants import Steps, place_in_set, tied
 from drake_polygrasp.proposals import constructed, enriched, quick
 from drake_polygrasp.task import Task, make_task, rows_of
 
@@ -234,8 +234,9 @@ def _estimates(work: Contenders) -> Array:
 def _judged_by_estimate(work: Contenders, estimate: Array, wanted: int) -> dict[int, Proof]:
     """Proofs of the two best of each set, by estimates of epsilon; the rest only if needed."""
     rows = np.flatnonzero(work.outcome == UNJUDGED)
-    rows = rows[best_first(estimate[rows])]
     score = tied(estimate[rows])
+    order = np.argsort(-score, kind="stable")
+    rows, score = rows[order], score[order]
     is_first = place_in_set(work.candidates.set_index[rows]) < 2
     proofs = work.judge_best(rows[is_first], score[is_first], wanted)
     if len({int(work.candidates.set_index[row]) for row in proofs}) < wanted:

@@ -90,11 +90,12 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
     estimate = estimates(regions, found, *scale)
     rows = best_places(found.region, estimate, RESERVE * (wanted + 1), PLACES)
     best, estimate = found.take(rows), estimate[rows]
-    starts = best.take(np.arange(min(QUICK.starts, len(rows))))
-    better, risen = improved(
-        regions, starts.region, starts.p_BC, estimate[: QUICK.starts], *scale, QUICK.rounds
+    starts = slice(QUICK.starts)
+    region = best.region[starts]
+    p_BC, risen = improved(
+        regions, region, best.p_BC[starts], estimate[starts], *scale, QUICK.rounds
     )
-    triples = joined(Triples(starts.region, better), best)
+    triples = joined(Triples(region, p_BC), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
     return contenders(task, unplanned(sets), triples), np.concatenate([risen, estimate])
 

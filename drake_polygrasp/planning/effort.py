@@ -25,10 +25,13 @@ class Effort:
     """Grasps whose weakest directions are taken in each pass."""
     kept: int
     """Triples kept in each pass at least; of many points, as many."""
-    starts: int
-    """Triples that are improved."""
     rounds: tuple[tuple[int, int], ...]
     """Of improvement: how many grasps go on, and how many others are drawn about each."""
+
+    @property
+    def starts(self) -> int:
+        """Triples that are improved."""
+        return self.rounds[0][0]
 
 
 FULL = Effort(
@@ -38,7 +41,6 @@ FULL = Effort(
     strides=(4, 2, 1),
     sources=24,
     kept=250,
-    starts=24,
     rounds=((24, 40), (8, 60), (4, 100), (4, 100), (4, 100)),
 )
 QUICK = Effort(
@@ -48,6 +50,5 @@ QUICK = Effort(
     strides=(1,),
     sources=12,
     kept=70,
-    starts=3,
     rounds=((3, 50), (1, 80)),
 )

@@ -6,6 +6,7 @@ Nothing may rest on them: what is found by them is proved, and measured, by othe
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from drake_polygrasp.facet_lines import (
     grasps_last,
     lines_of,
     not_flat,
-    rim,
 )
 from drake_polygrasp.vectors import cross_first
 
@@ -37,59 +37,60 @@ def epsilon_estimates(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, r
     estimates: list[Array] = []
     for rows in chunks(len(p_BC)):
         placed = nhat_TB_B[rows], (p_BC[rows] - p_BBcm) / rho, mu[rows]
-        nhat, *others = (grasps_last(values.astype(np.float32)) for values in placed)
-        lines = lines_of(_frames_alone(nhat, others[0]), *others)
-        estimates.append(_least_radii(lines, COARSE_TURNS))
+        nhat, r, some_mu = (_single(values) for values in placed)
+        lines = lines_of(_frames_alone(nhat, r), r, some_mu, COARSE_TURNS)
+        estimates.append(_least_radii(lines))
     highest: Array = np.maximum(np.concatenate(estimates).astype(float), 0.0)
     return highest
 
 
-def _frames_alone(nhat: Array, r: Array) -> Array:
-    """`contact_frames` of contacts that hold, of others anything; grasps last.
+def _single(values: Array) -> Any:
+    """In single precision, which `Array` does not speak of."""
+    return values.astype(np.float32)
 
-    Of normals and points, shape (3, 3 contacts, M) both; the result is turned as `grasps_last`
-    turns frames, shape (3, 3 rows, 3 contacts, M).
-    """
+
+def _frames_alone(nhat: Array, r: Array) -> Array:
+    """`contact_frames` of contacts that hold, of others anything, shape (M, 3, 3, 3)."""
+    nhat, r = grasps_last(nhat), grasps_last(r)
     N = cross_first(r[:, 1] - r[:, 0], r[:, 2] - r[:, 1])[:, None]
     N = N / (np.sqrt((N * N).sum(axis=0)) + TINY)
     tangent = N - (N * nhat).sum(axis=0) * nhat
     tangent /= np.sqrt((tangent * tangent).sum(axis=0)) + TINY
-    return np.stack([nhat, tangent, cross_first(nhat, tangent)], axis=1)
+    return np.stack([nhat, tangent, cross_first(nhat, tangent)], axis=1).T
 
 
-def _least_radii(lines: Lines, num_turns: int) -> Array:
+def _least_radii(lines: Lines) -> Array:
     """The least h(w) / |w| of the twists that `epsilon_bound` makes of lines, shape (M,).
 
-    The twists themselves are not needed: squares of what is linear are quadratic forms. That is a
-    third of the arithmetic, and costs half of the digits.
+    The twists themselves are not needed: squares of what is linear are quadratic forms. That is
+    less arithmetic, and costs digits where squares cancel.
     """
-    points, linear, mu_k = rim(num_turns), lines.linear, lines.mu_k
-    s = lines.s(points)
     # From here on x is less by 1, so that h_k = 1 where (mu y)^2 + (mu z)^2 - x^2, which is
     # c + 2 b t + a t^2, vanishes.
-    g_k = linear[:3].copy()
+    g_k, w = lines.linear[:3].copy(), lines.linear[3:]
     g_k[0, 3] -= 1.0
-    x = combined(points, g_k[0, :3]) * s + g_k[0, 3]
-    signed = g_k * np.stack([-np.ones_like(mu_k), mu_k**2, mu_k**2])[:, None]
-    c, b, a = _form(g_k, signed, s, points)
-    square, slope, curvature = _form(linear[3:], linear[3:], s, points)
+    x = combined(lines.points, g_k[0, :3]) * lines.s + g_k[0, 3]
+    signed = g_k * np.stack([-np.ones_like(lines.mu_k), lines.mu_k**2, lines.mu_k**2])[:, None]
+    c, b, a = _form(g_k, signed, lines)
+    square, slope, curvature = _form(w, w, lines)
     discriminant = b * b - a * c
     root, over = np.sqrt(np.maximum(discriminant, 0.0)), 1.0 / not_flat(a)
     missed = np.maximum(-discriminant, 0.0) * over
-    h_j, least = lines.h_j(s), np.full(s.shape[-1], np.inf, s.dtype)
+    least = np.full(w.shape[-1], np.inf, w.dtype)
     for t in ((-b - root) * over, (-b + root) * over):
         x_t = x + t * g_k[0, 4]
-        h = np.maximum(1.0 + x_t + np.sqrt(np.maximum(x_t * x_t + missed, 0.0)), h_j)
+        h = np.maximum(1.0 + x_t + np.sqrt(np.maximum(x_t * x_t + missed, 0.0)), lines.h_j)
         length = np.sqrt(np.maximum(square + t * (2.0 * slope + t * curvature), TINY))
         least = np.minimum(least, (h / length).min(axis=(0, 1)))
     return least
 
 
-def _form(first: Array, second: Array, s: Array, points: Array) -> tuple[Array, Array, Array]:
+def _form(first: Array, second: Array, lines: Lines) -> tuple[Array, Array, Array]:
     """Products of what is linear, (L, 5, 6, M) each, as c + 2 b t + a t^2.
 
     c and b have shape (T, 6, M), a has (6, M). Of the two, one is the other with rows multiplied.
     """
+    points, s = lines.points, lines.s
     i, j = _PRODUCTS
     squares = (first[:, i] * second[:, j]).sum(axis=0)
     with_1 = (first[:, :4] * second[:, 3, None]).sum(axis=0)
