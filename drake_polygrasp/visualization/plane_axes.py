@@ -35,8 +35,7 @@ def reach_of(shapes: Any) -> float:
 
 def draw_face(ax: Axes, shape: shapely.Geometry, i: int, label: str) -> None:
     """A projected face; a mere segment where the face is orthogonal to the plane."""
-    flat = shapely.get_coordinates(shapely.oriented_envelope(shape))
-    if shapely.area(shape) < 1e-6 * shapely.length(shape) ** 2 or len(flat) < 4:
+    if shapely.area(shape) <= 1e-6 * shapely.length(shape) ** 2:
         ax.plot(*MM * shapely.get_coordinates(shape).T, c=CONTACTS[i], lw=4, label=label)
         return
     style = {"facecolor": CONTACTS[i], "edgecolor": CONTACTS[i], "alpha": 0.35}

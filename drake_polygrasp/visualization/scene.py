@@ -290,9 +290,11 @@ def _draw_plane(
 ) -> None:
     """The part of the grasp plane around the object, as a rectangle."""
     axes = RotationMatrix.MakeFromOneVector(nhat_B, 2).matrix()[:, :2]
+    L = object_.polyhedron.diameter
     xy = (surface_vertices(object_.polyhedron) - p_BC[0]) @ axes
-    around = shapely.oriented_envelope(shapely.multipoints(xy))
-    around = shapely.buffer(around, 0.06 * object_.polyhedron.diameter, join_style="mitre")
+    # Where corners of the hull are one but for rounding, GEOS 3.14 returns a sliver.
+    hull = shapely.set_precision(shapely.convex_hull(shapely.multipoints(xy)), 1e-9 * L)
+    around = shapely.buffer(shapely.oriented_envelope(hull), 0.06 * L, join_style="mitre")
     corners = p_BC[0] + shapely.get_coordinates(around)[:4] @ axes.T
     _set_mesh(meshcat, f"{path}/area", corners[[[0, 1, 2], [0, 2, 3]]], PLANE, 0.2)
     border = np.roll(corners, -1, axis=0)
