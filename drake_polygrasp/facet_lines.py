@@ -63,10 +63,13 @@ def lines_of(frames: Array, r: Array, mu: Array, num_turns: int) -> Lines:
     """
     frames, r, mu = grasps_last(frames), grasps_last(r), grasps_last(mu)
     i, j, k = _ORDERS
-    r_i, n_i = r[:, i], frames[:, 0, i]
-    r_ij, r_ik = r[:, j] - r_i, r[:, k] - r_i
-    n_j, t_1, t_2 = frames[:, :, j].swapaxes(0, 1)
-    change = np.stack([t_1, t_2, -mu[j] * n_j, n_j - n_i], axis=1)
+    # take is twice as fast as indexing.
+    r_i, n_i, mu_j = r.take(i, axis=1), frames[:, 0].take(i, axis=1), mu.take(j, axis=0)
+    r_ij, r_ik = r.take(j, axis=1) - r_i, r.take(k, axis=1) - r_i
+    change = np.empty((3, 4, *n_i.shape[1:]), frames.dtype)
+    change[:, (2, 0, 1)] = frames.take(j, axis=2)
+    change[:, 3] = change[:, 2] - n_i
+    change[:, 2] *= -mu_j
     linear = np.empty((9, 5, *n_i.shape[1:]), frames.dtype)
     v, omega = linear[3:6], linear[6:]
     omega[:, :4] = cross_first(r_ij[:, None], change) / ((r_ij * r_ij).sum(axis=0) + TINY)
@@ -75,13 +78,13 @@ def lines_of(frames: Array, r: Array, mu: Array, num_turns: int) -> Lines:
     g_k = cross_first(omega, r_ik[:, None])
     v[:, 3] += n_i
     g_k[:, 3] += n_i
-    linear[:3] = (frames[:, :, None, k] * g_k[:, None]).sum(axis=0)
+    linear[:3] = (frames.take(k, axis=2)[:, :, None] * g_k[:, None]).sum(axis=0)
     # Rigidity: (g_j - n_i) . r_ij = 0.
-    points, rate = _rim(num_turns), (change * r_ij[:, None]).sum(axis=0)
+    points, rate = rim(num_turns), (change * r_ij[:, None]).sum(axis=0)
     turning = combined(points, rate[:3])
     level = _SLOW[turning.dtype.char]
     s = -rate[3] / np.where(np.abs(turning) < level, level, turning)
-    return Lines(linear, points, s, 1.0 + mu[j] * (np.abs(s) - s), mu[k])
+    return Lines(linear, points, s, 1.0 + mu_j * (np.abs(s) - s), mu.take(k, axis=0))
 
 
 def grasps_last(values: Array) -> Array:
@@ -95,7 +98,7 @@ def chunks(num: int) -> list[slice]:
 
 
 @cache
-def _rim(num_turns: int) -> Array:
+def rim(num_turns: int) -> Array:
     """Points (cos, sin, 1) around a unit circle, shape (num_turns, 3)."""
     angles = 2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns
     return frozen(np.stack([np.cos(angles), np.sin(angles), np.ones(num_turns)], axis=1))

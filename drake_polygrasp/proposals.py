@@ -40,7 +40,7 @@ MANY_REGIONS = 24
 """Ours: of more, only the sets that the search finds go through the paper's stages."""
 CHOSEN_SETS = 100
 """How many sets the search then chooses, ours."""
-RESERVE = 5
+RESERVE = 3
 """Times one more than the grasps wanted, ours: triples that stay as they were found."""
 
 
@@ -90,12 +90,9 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
     estimate = estimates(regions, found, *scale)
     rows = best_places(found.region, estimate, RESERVE * (wanted + 1), PLACES)
     best, estimate = found.take(rows), estimate[rows]
-    starts = slice(QUICK.starts)
-    region = best.region[starts]
-    p_BC, risen = improved(
-        regions, region, best.p_BC[starts], estimate[starts], *scale, QUICK.rounds
-    )
-    triples = joined(Triples(region, p_BC), best)
+    starts = best.take(slice(QUICK.starts))
+    p_BC, risen = improved(regions, starts.region, starts.p_BC, *scale, QUICK.rounds)
+    triples = joined(Triples(starts.region, p_BC), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
     return contenders(task, unplanned(sets), triples), np.concatenate([risen, estimate])
 

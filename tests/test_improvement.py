@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import shapely
@@ -16,8 +18,9 @@ from drake_polygrasp.epsilon_bound import (
 )
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
-from drake_polygrasp.planning.face_support import points_in_faces
+from drake_polygrasp.planning import improvement
+from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates, radii_of_lines
+from drake_polygrasp.planning.face_support import contacts_on, points_in_faces, points_on
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.outcome import has_contacts
 from drake_polygrasp.planning.planner import plan_sets
@@ -55,11 +58,9 @@ def constructed(object_: GraspObject) -> tuple[Regions, Triples]:
 
 
 def moved_by(
-    object_: GraspObject, regions: Regions, starts: Triples, *rounds: tuple[int, int]
+    object_: GraspObject, regions: Regions, starts: Triples, *rounds: int
 ) -> tuple[Array, Array]:
-    scale = object_.p_BBcm, object_.rho
-    estimate = estimates(regions, starts, *scale)
-    return improved(regions, starts.region, starts.p_BC, estimate, *scale, rounds)
+    return improved(regions, starts.region, starts.p_BC, object_.p_BBcm, object_.rho, rounds)
 
 
 def epsilons(object_: GraspObject, regions: Regions, triples: Triples) -> Array:
@@ -77,7 +78,7 @@ def epsilons(object_: GraspObject, regions: Regions, triples: Triples) -> Array:
 def test_no_grasp_becomes_worse_and_the_best_becomes_better(name: str) -> None:
     object_ = OBJECTS[name]
     regions, starts = constructed(object_)
-    p_BC, estimate = moved_by(object_, regions, starts, *[(12, 60)] * 8)
+    p_BC, estimate = moved_by(object_, regions, starts, *[12] * 8)
     before = epsilons(object_, regions, starts)
     after = epsilons(object_, regions, Triples(starts.region, p_BC))
     assert (after >= 0.95 * before).all()
@@ -90,7 +91,7 @@ def test_no_grasp_becomes_worse_and_the_best_becomes_better(name: str) -> None:
 def test_contacts_stay_in_their_regions(name: str) -> None:
     object_ = OBJECTS[name]
     regions, starts = constructed(object_)
-    p_BC, _ = moved_by(object_, regions, starts, *[(12, 60)] * 5)
+    p_BC, _ = moved_by(object_, regions, starts, *[12] * 5)
     p_FC = points_in_faces(regions, starts.region, p_BC)
     gap = shapely.distance(regions.polygon_F[starts.region], shapely.points(p_FC))
     assert gap.max() < 1e-9 * object_.polyhedron.diameter
@@ -109,8 +110,8 @@ def test_no_rounds_change_nothing() -> None:
 def test_only_the_best_so_far_go_on() -> None:
     object_ = OBJECTS["tangent polyhedron"]
     regions, starts = constructed(object_)
-    p_BC, estimate = moved_by(object_, regions, starts, (12, 60))
-    p_BC_later, later = moved_by(object_, regions, starts, (12, 60), (3, 400))
+    p_BC, estimate = moved_by(object_, regions, starts, 12)
+    p_BC_later, later = moved_by(object_, regions, starts, 12, 3, 3)
     went_on = (p_BC_later != p_BC).any(axis=(1, 2))
     assert went_on.sum() == 3
     assert (later[went_on] > estimate[went_on]).all()
@@ -118,14 +119,66 @@ def test_only_the_best_so_far_go_on() -> None:
     assert later[~went_on] == pytest.approx(estimate[~went_on])
 
 
-def test_contacts_that_do_not_hold_take_no_ones_place() -> None:
-    """Their estimates, of which many are high, say nothing."""
-    object_ = OBJECTS["cube"]
+def test_no_grasps_are_improved_to_none() -> None:
+    regions, starts = constructed(OBJECTS["cube"])
+    p_BC, estimate = moved_by(OBJECTS["cube"], regions, starts.take(slice(0)), 3, 2)
+    assert p_BC.shape == (0, 3, 3)
+    assert estimate.shape == (0,)
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_no_grasp_nearby_is_much_better_in_the_end(name: str) -> None:
+    """By bounds, which estimates only approach, and of places drawn without any model."""
+    object_ = OBJECTS[name]
     regions, starts = constructed(object_)
-    low = Triples(starts.region[-1:], starts.p_BC[-1:])
     scale = object_.p_BBcm, object_.rho
-    p_BC, _ = improved(regions, low.region, low.p_BC, np.zeros(1), *scale, ((1, 500),) * 4)
-    assert len(usable(regions, Triples(low.region, p_BC))) == 1
+    p_BC, estimate = moved_by(object_, regions, starts, *[3] * 25)
+    best = int(estimate.argmax())
+    region = starts.region[[best]]
+    p_FC = points_in_faces(regions, region, p_BC[[best]])
+    rng = np.random.default_rng(8)
+    length = 0.1 * object_.polyhedron.diameter * rng.random((4000, 1, 1))
+    nearby = Triples(
+        np.repeat(region, 4000, axis=0),
+        points_on(regions, region, p_FC + length * rng.normal(size=(4000, 3, 2))),
+    )
+    nearby = nearby.take(usable(regions, nearby))
+    assert len(nearby.region) > 100
+    bound = epsilon_upper_bound(*contacts_on(regions, region, p_BC[[best]]), *scale)[0]
+    others = epsilon_upper_bound(*contacts_on(regions, nearby.region, nearby.p_BC), *scale)
+    assert others.max() < 1.02 * bound
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_slopes_foretell_radii(name: str) -> None:
+    """Of the least radii, by steps a hundred times as long as those that slopes are taken by."""
+    object_ = OBJECTS[name]
+    regions, starts = constructed(object_)
+    scale = object_.p_BBcm, object_.rho
+    p_FC = points_in_faces(regions, starts.region, starts.p_BC)
+    step = np.full(len(p_FC), 1e-4 * object_.polyhedron.diameter)
+    radii, slopes = improvement._linearised(regions, starts.region, p_FC, step, *scale)
+    move = 3e-3 * object_.polyhedron.diameter * np.array([[0.8, -0.6], [0.0, 1.0], [-0.6, 0.8]])
+    promised = (radii + np.einsum("mcxl,cx->ml", slopes, move)).min(axis=1)
+    there, _ = improvement._linearised(regions, starts.region, p_FC + move, step, *scale)
+    assert np.median(np.abs(promised / there[:, 0] - 1)) < 1e-3
+    # Which is not for want of a change.
+    assert np.median(np.abs(promised / radii[:, 0] - 1)) > 2e-3
+
+
+def test_the_most_promising_places_are_found_among_all_combinations() -> None:
+    rng = np.random.default_rng(4)
+    radii = 1.0 + rng.random((5, improvement.NUM_RADII))
+    slopes = rng.normal(size=(5, 3, 2, improvement.NUM_RADII))
+    moves = rng.normal(size=(5, 4, 3, 2))
+    found = improvement._most_promising(radii, slopes, 10.0 + moves, moves)
+    for row in range(5):
+        promised = {
+            chosen: (radii[row] + np.einsum("cxl,cx->l", slopes[row], moves[row][chosen, range(3)]))
+            for chosen in itertools.product(range(4), repeat=3)
+        }
+        best = max(promised, key=lambda chosen: promised[chosen].min())
+        np.testing.assert_allclose(found[row], 10.0 + moves[row][best, range(3)])
 
 
 def test_improvement_moves_with_the_object() -> None:
@@ -136,8 +189,8 @@ def test_improvement_moves_with_the_object() -> None:
     found = []
     for one, p_BC in ((object_, starts.p_BC), (there, starts.p_BC @ R.T + [0.3, -0.1, 0.2])):
         own = erode(one.polyhedron)
-        found.append(moved_by(one, own, Triples(starts.region, p_BC), (12, 60), (12, 60))[1])
-    # Steps are drawn in the frames of faces, which turned with the object.
+        found.append(moved_by(one, own, Triples(starts.region, p_BC), 12, 12)[1])
+    # Moves are those of the frames of faces, which turned with the object.
     assert found[0] == pytest.approx(found[1], rel=1e-4)
 
 
@@ -207,6 +260,14 @@ def test_estimates_are_the_coarse_bounds_of_what_holds(
     assert len(error) > 100
     assert np.quantile(np.abs(error), 0.9) < 1e-4
     assert np.abs(error).max() < 0.01
+
+
+def test_estimates_are_the_least_radii_of_lines() -> None:
+    contacts = random_contacts(700, seed=6)  # several chunks
+    estimate = epsilon_estimates(*contacts, np.zeros(3), 1.0)
+    radii = radii_of_lines(*contacts, np.zeros(3), 1.0)
+    assert radii.shape == (700, 2 * 6 * COARSE_TURNS)
+    assert np.maximum(radii.min(axis=1), 0.0) == pytest.approx(estimate, rel=1e-5)
 
 
 def test_estimates_of_contacts_that_cannot_hold_are_numbers() -> None:

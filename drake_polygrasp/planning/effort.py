@@ -25,13 +25,13 @@ class Effort:
     """Grasps whose weakest directions are taken in each pass."""
     kept: int
     """Triples kept in each pass at least; of many points, as many."""
-    rounds: tuple[tuple[int, int], ...]
-    """Of improvement: how many grasps go on, and how many others are drawn about each."""
+    rounds: tuple[int, ...]
+    """Of improvement: how many grasps, the best so far, move in each."""
 
     @property
     def starts(self) -> int:
         """Triples that are improved."""
-        return self.rounds[0][0]
+        return self.rounds[0]
 
 
 FULL = Effort(
@@ -40,8 +40,8 @@ FULL = Effort(
     directions=500,
     strides=(4, 2, 1),
     sources=24,
-    kept=250,
-    rounds=((24, 40), (8, 60), (4, 100), (4, 100), (4, 100)),
+    kept=150,
+    rounds=(60, 30, 20, 10, 10, 5, 5, 5),
 )
 QUICK = Effort(
     points=70,
@@ -50,5 +50,5 @@ QUICK = Effort(
     strides=(1,),
     sources=12,
     kept=70,
-    rounds=((3, 50), (1, 80)),
+    rounds=(4, 3, 2),
 )

@@ -6,11 +6,13 @@ Nothing may rest on them: what is found by them is proved, and measured, by othe
 from __future__ import annotations
 
 import itertools
+import math
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array
+from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.epsilon_bound import COARSE_TURNS
 from drake_polygrasp.facet_lines import (
     TINY,
@@ -20,10 +22,18 @@ from drake_polygrasp.facet_lines import (
     grasps_last,
     lines_of,
     not_flat,
+    rim,
 )
 from drake_polygrasp.vectors import cross_first
 
-_PRODUCTS = np.array(list(itertools.combinations_with_replacement(range(3), 2))).T
+_PRODUCTS = np.array(
+    [
+        *itertools.combinations_with_replacement(range(3), 2),
+        *((i, j) for j in (3, 4) for i in range(j + 1)),
+    ]
+).T
+"""Of what multiplies s cos, s sin and s with each other, then of all with 1, then with t."""
+_SIGNS = np.array([-1.0, 1.0])[:, None, None, None]
 
 
 def epsilon_estimates(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float) -> Array:
@@ -36,12 +46,26 @@ def epsilon_estimates(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, r
     """
     estimates: list[Array] = []
     for rows in chunks(len(p_BC)):
-        placed = nhat_TB_B[rows], (p_BC[rows] - p_BBcm) / rho, mu[rows]
-        nhat, r, some_mu = (_single(values) for values in placed)
-        lines = lines_of(_frames_alone(nhat, r), r, some_mu, COARSE_TURNS)
-        estimates.append(_least_radii(lines))
+        lines = _lines(p_BC[rows] - p_BBcm, nhat_TB_B[rows], mu[rows], rho)
+        estimates.append(_radii(lines).min(axis=(0, 1, 2)))
     highest: Array = np.maximum(np.concatenate(estimates).astype(float), 0.0)
     return highest
+
+
+def radii_of_lines(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float) -> Array:
+    """What `epsilon_estimates` are the least of: two for each line of twists, shape (M, L).
+
+    They change smoothly as contacts move, with kinks where rims or discs change places. In single
+    precision.
+    """
+    lines = _lines(p_BC - p_BBcm, nhat_TB_B, mu, rho)
+    radii = _radii(lines)
+    return radii.reshape(math.prod(radii.shape[:-1]), len(p_BC)).T
+
+
+def _lines(p_BcmC_B: Array, nhat_TB_B: Array, mu: Array, rho: float) -> Lines:
+    nhat, r, some_mu = (_single(values) for values in (nhat_TB_B, p_BcmC_B / rho, mu))
+    return lines_of(_frames_alone(nhat, r), r, some_mu, COARSE_TURNS)
 
 
 def _single(values: Array) -> Any:
@@ -59,48 +83,57 @@ def _frames_alone(nhat: Array, r: Array) -> Array:
     return np.stack([nhat, tangent, cross_first(nhat, tangent)], axis=1).T
 
 
-def _least_radii(lines: Lines) -> Array:
-    """The least h(w) / |w| of the twists that `epsilon_bound` makes of lines, shape (M,).
+def _radii(lines: Lines) -> Array:
+    """h(w) / |w| of the twists that `epsilon_bound` makes of lines, shape (2, T, 6, M).
 
     The twists themselves are not needed: squares of what is linear are quadratic forms. That is
     less arithmetic, and costs digits where squares cancel.
     """
-    # From here on x is less by 1, so that h_k = 1 where (mu y)^2 + (mu z)^2 - x^2, which is
-    # c + 2 b t + a t^2, vanishes.
-    g_k, w = lines.linear[:3].copy(), lines.linear[3:]
-    g_k[0, 3] -= 1.0
-    x = combined(lines.points, g_k[0, :3]) * lines.s + g_k[0, 3]
-    signed = g_k * np.stack([-np.ones_like(lines.mu_k), lines.mu_k**2, lines.mu_k**2])[:, None]
-    c, b, a = _form(g_k, signed, lines)
-    square, slope, curvature = _form(w, w, lines)
+    # From here on x is less by 1, so that h_k = 1 where (mu y)^2 + (mu z)^2 - x^2 vanishes.
+    first = lines.linear.copy()
+    first[0, 3] -= 1.0
+    second = first.copy()
+    second[0] *= -1.0
+    second[1:3] *= lines.mu_k * lines.mu_k
+    (c, square), (b, slope), (a, curvature) = _forms(first, second, lines)
     discriminant = b * b - a * c
-    root, over = np.sqrt(np.maximum(discriminant, 0.0)), 1.0 / not_flat(a)
+    roots = np.sqrt(np.maximum(discriminant, 0.0)) * _SIGNS.astype(b.dtype)
+    over = 1.0 / not_flat(a)
+    t = (roots - b) * over
     missed = np.maximum(-discriminant, 0.0) * over
-    least = np.full(w.shape[-1], np.inf, w.dtype)
-    for t in ((-b - root) * over, (-b + root) * over):
-        x_t = x + t * g_k[0, 4]
-        h = np.maximum(1.0 + x_t + np.sqrt(np.maximum(x_t * x_t + missed, 0.0)), lines.h_j)
-        length = np.sqrt(np.maximum(square + t * (2.0 * slope + t * curvature), TINY))
-        least = np.minimum(least, (h / length).min(axis=(0, 1)))
-    return least
+    x = combined(lines.points, first[0, :3]) * lines.s + first[0, 3]
+    x_t = x + t * first[0, 4]
+    h = np.maximum(1.0 + x_t + np.sqrt(np.maximum(x_t * x_t + missed, 0.0)), lines.h_j)
+    length = np.sqrt(np.maximum(square + t * (2.0 * slope + t * curvature), TINY))
+    radii: Array = h / length
+    return radii
 
 
-def _form(first: Array, second: Array, lines: Lines) -> tuple[Array, Array, Array]:
-    """Products of what is linear, (L, 5, 6, M) each, as c + 2 b t + a t^2.
+def _forms(first: Array, second: Array, lines: Lines) -> tuple[Array, Array, Array]:
+    """Sums over g_k's rows and over the twist's of products of what is linear, (9, 5, 6, M) each.
 
-    c and b have shape (T, 6, M), a has (6, M). Of the two, one is the other with rows multiplied.
+    As c + 2 b t + a t^2: c and b have shape (2, T, 6, M), a has (2, 6, M). Of the two, one is the
+    other with rows multiplied.
     """
-    points, s = lines.points, lines.s
     i, j = _PRODUCTS
-    squares = (first[:, i] * second[:, j]).sum(axis=0)
-    with_1 = (first[:, :4] * second[:, 3, None]).sum(axis=0)
-    with_t = (first * second[:, 4, None]).sum(axis=0)
-    c = combined(points[:, i] * points[:, j] * np.where(i == j, 1.0, 2.0), squares)
+    each = first.take(i, axis=1)
+    each *= second.take(j, axis=1)
+    products = np.stack([each[:3].sum(axis=0), each[3:].sum(axis=0)])
+    with_1, with_t = products[:, 6:10], products[:, 10:]
+    points, s = lines.points, lines.s
+    c = combined(_squares_of_rim(), products[:, :6])
     c *= s
-    c += 2.0 * combined(points, with_1[:3])
+    c += combined(2.0 * points, with_1[:, :3])
     c *= s
-    c += with_1[3]
-    b = combined(points, with_t[:3])
+    c += with_1[:, 3, None]
+    b = combined(points, with_t[:, :3])
     b *= s
-    b += with_t[3]
-    return c, b, with_t[4]
+    b += with_t[:, 3, None]
+    return c, b, with_t[:, 4]
+
+
+@cache
+def _squares_of_rim() -> Array:
+    """Products of two of each point's cos, sin and 1, as often as they occur, shape (T, 6)."""
+    points, (i, j) = rim(COARSE_TURNS), _PRODUCTS[:, :6]
+    return frozen(points[:, i] * points[:, j] * np.where(i == j, 1.0, 2.0))

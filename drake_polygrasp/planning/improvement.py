@@ -1,102 +1,140 @@
 """Beyond the paper: moves the three contacts within their regions while epsilon rises.
 
-Section 7 puts contacts where forces balance simply, not where the grasp resists most. About each
-grasp others are drawn whose contacts lie nearby, and the best of them takes its place. epsilon is
-estimated for all at once, which costs less than knowing where to go: the least of many h(w) for
-fixed directions w, with its slopes, misleads, for the weakest w turn as contacts move.
+Section 7 puts contacts where forces balance simply, not where the grasp resists most. An estimate
+of epsilon is the least of some hundred radii, one for each line of twists, and these change
+smoothly as contacts move. Each round takes their slopes, sees what these promise of every
+combination of some moves of the three contacts, and makes the best if epsilon does rise; else
+later moves are shorter. Slopes of h(w) for fixed directions w mislead: the weakest turn as
+contacts move, and the twists of lines turn with them.
 """
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
+from drake_polygrasp.planning.epsilon_estimate import radii_of_lines
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces, points_on
 from drake_polygrasp.planning.planar import Shapes
-from drake_polygrasp.wrench import force_closure
 
-NEAREST = 0.02
-"""Steps, times the square root of the largest region's area, ours: the least,"""
-FARTHEST = 0.3
-"""and the greatest, in the first round,"""
-SHRINKING = 0.8
-"""and by how much it is less in each round that follows."""
-MOVING = 0.7
-"""How likely a contact moves, ours: where two are best, the third should not spoil it."""
-SEED = 1
+MOVES = 15
+"""Of each contact in a round, beside staying where it is, ours."""
+FARTHEST = 0.5
+"""The longest move at first, times the square root of the largest region's area, ours,"""
+SPAN = 20.0
+"""how many times as long as the shortest it is,"""
+SHRINKING = 0.6
+"""and how many times as long it becomes where epsilon did not rise."""
+NUM_RADII = 24
+"""The least ones have their slopes taken, ours: others hardly become the least in one move."""
+STEP = 1e-3
+"""For slopes, times the square root of the largest region's area, ours: in single precision less
+would be noise."""
+_STEPS = np.concatenate([np.zeros((1, 3, 2)), np.eye(6).reshape(6, 3, 2)])
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+_AT_ONCE = 2
+"""Grasps whose combinations fit into the cache."""
 
 
 def improved(
     regions: Regions,
     region: Ints,
     p_BC: Array,
-    estimate: Array,
     p_BBcm: Array,
     rho: float,
-    rounds: tuple[tuple[int, int], ...],
+    rounds: tuple[int, ...],
 ) -> tuple[Array, Array]:
     """Contacts moved to raise epsilon; none ends with a lower estimate than it began with.
 
     Args:
         regions: where contacts may be; their polygons may have several parts.
         region: region of each contact, shape (M, 3).
-        p_BC: contact points in these regions that hold [m], shape (M, 3, 3).
-        estimate: their `epsilon_estimates`, shape (M,).
+        p_BC: contact points in these regions [m], shape (M, 3, 3).
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
-        rounds: how many grasps, the best so far, go on, and how many others are drawn about each.
+        rounds: how many grasps, the best so far, move in each.
 
     Returns:
-        p_BC [m], shape (M, 3, 3), and their estimates, shape (M,).
+        p_BC [m], shape (M, 3, 3), and their `epsilon_estimates`, shape (M,), which say nothing of
+        the few that do not hold any more: that is left to the caller to see.
     """
-    rng = np.random.default_rng(SEED)
     polygons = regions.polygon_F[region]
     shapely.prepare(polygons)
     size = np.sqrt(regions.area[region].max(axis=1))
-    p_FC, estimate = points_in_faces(regions, region, p_BC), estimate.copy()
-    farthest = FARTHEST
-    for num_grasps, num in rounds:
-        rows = np.argsort(-estimate, kind="stable")[:num_grasps]
-        length = NEAREST * (farthest / NEAREST) ** rng.random((len(rows), num, 1, 1))
-        steps = rng.normal(size=(len(rows), num, 3, 2)) * length * size[rows, None, None, None]
-        grasp, _, contact = moves = np.nonzero(rng.random(steps.shape[:3]) < MOVING)
-        places = np.repeat(p_FC[rows, None], num, axis=1)
-        places[moves] = _nearest_inside(
-            polygons[rows[grasp], contact], places[moves] + steps[moves]
-        )
-        better = _estimates(regions, region[rows, None], places, estimate[rows], p_BBcm, rho)
-        each, best = np.arange(len(rows)), better.argmax(axis=1)
-        rises = better[each, best] > estimate[rows]
-        p_FC[rows[rises]] = places[each, best][rises]
-        estimate[rows[rises]] = better[each, best][rises]
-        farthest = max(farthest * SHRINKING, NEAREST)
-    return points_on(regions, region, p_FC), estimate
+    step, farthest = STEP * size, FARTHEST * size
+    p_FC, scale = points_in_faces(regions, region, p_BC), (p_BBcm, rho)
+    radii, slopes = _linearised(regions, region, p_FC, step, *scale)
+    for number, num in enumerate(rounds):
+        rows = np.argsort(-radii[:, 0], kind="stable")[:num]
+        here = p_FC[rows, None]
+        places = np.repeat(here, 1 + MOVES, axis=1)
+        places[:, 1:] += farthest[rows, None, None, None] * _spiral(number)[:, None]
+        places[:, 1:] = _nearest_inside(polygons[rows, None], places[:, 1:])
+        there = _most_promising(radii[rows], slopes[rows], places, places - here)
+        radii_there, slopes_there = _linearised(regions, region[rows], there, step[rows], *scale)
+        rises = radii_there[:, 0] > radii[rows, 0]
+        better = rows[rises]
+        p_FC[better], radii[better] = there[rises], radii_there[rises]
+        slopes[better] = slopes_there[rises]
+        farthest[rows[~rises]] *= SHRINKING
+    return points_on(regions, region, p_FC), radii[:, 0].astype(float)
 
 
-def _estimates(
-    regions: Regions, region: Ints, p_FC: Array, least: Array, p_BBcm: Array, rho: float
-) -> Array:
-    """Of contacts (M, N, 3, 2) on regions (M, 1, 3), shape (M, N); 0 where that is at most `least`.
+def _linearised(
+    regions: Regions, region: Ints, p_FC: Array, step: Array, p_BBcm: Array, rho: float
+) -> tuple[Array, Array]:
+    """The least radii of contacts at p_FC (M, 3, 2), ascending, and their slopes there.
 
-    And where contacts do not hold, of which the estimate says nothing.
+    Shapes (M, NUM_RADII) and (M, 3, 2, NUM_RADII).
     """
-    p_BC = points_on(regions, region, p_FC).reshape(-1, 3, 3)
-    region = np.broadcast_to(region, p_FC.shape[:-1]).reshape(-1, 3)
-    contacts = contacts_on(regions, region, p_BC)
-    estimate = epsilon_estimates(*contacts, p_BBcm, rho).reshape(p_FC.shape[:2])
-    higher = estimate > least[:, None]
-    rows = np.flatnonzero(higher)
-    higher.flat[rows] = force_closure(*(values[rows] for values in contacts))
-    return np.where(higher, estimate, 0.0)
+    places = p_FC[:, None] + step[:, None, None, None] * _STEPS
+    p_BC = points_on(regions, region[:, None], places).reshape(-1, 3, 3)
+    contacts = contacts_on(regions, np.repeat(region, len(_STEPS), axis=0), p_BC)
+    every = radii_of_lines(*contacts, p_BBcm, rho)
+    every = every.reshape(len(region), len(_STEPS), every.shape[1])
+    least = every[:, 0].argsort(axis=1, kind="stable")[:, None, :NUM_RADII]
+    radii = every[np.arange(len(region))[:, None, None], np.arange(len(_STEPS))[:, None], least]
+    slopes = (radii[:, 1:] - radii[:, :1]) / step[:, None, None].astype(radii.dtype)
+    return radii[:, 0], slopes.reshape(*p_FC.shape, NUM_RADII)
+
+
+def _most_promising(radii: Array, slopes: Array, places: Array, moves: Array) -> Array:
+    """Of K places of each contact those of the greatest least radius, if radii were linear.
+
+    Moves lead to them; (M, K, 3, 2) to (M, 3, 2).
+    """
+    num, K = moves.shape[:2]
+    # What moves of each contact add to radii, by contact (M, NUM_RADII, K).
+    moves = moves.astype(slopes.dtype).transpose(2, 0, 3, 1)
+    first, second, third = slopes.transpose(1, 0, 3, 2) @ moves
+    first += radii[..., None]
+    best = np.empty(num, dtype=np.int64)
+    for start in range(0, num, _AT_ONCE):
+        rows = slice(start, start + _AT_ONCE)
+        two = second[rows, :, :, None] + third[rows, :, None]
+        promised = first[rows, :, :, None] + two.reshape(len(two), NUM_RADII, 1, -1)
+        best[rows] = promised.min(axis=1).reshape(len(two), -1).argmax(axis=1)
+    chosen = np.column_stack(np.unravel_index(best, (K, K, K)))
+    return places[np.arange(num)[:, None], chosen, np.arange(3)]
 
 
 def _nearest_inside(polygons: Shapes, points: Array) -> Array:
-    """Points (N, 2), those outside their polygons (N,) moved to the nearest boundary."""
-    outside = ~shapely.intersects_xy(polygons, points[:, 0], points[:, 1])
+    """Points (..., 2), those outside their polygons, (...), moved to the nearest boundary."""
+    polygons = np.broadcast_to(polygons, points.shape[:-1])
+    outside = ~shapely.intersects_xy(polygons, points[..., 0], points[..., 1])
     links = shapely.shortest_line(polygons[outside], shapely.points(points[outside]))
     inside = points.copy()
     inside[outside] = shapely.get_coordinates(links)[::2]
     return inside
+
+
+@cache
+def _spiral(number: int) -> Array:
+    """Moves of all lengths and directions, other ones each round, the longest 1, (MOVES, 2)."""
+    turn = _GOLDEN_ANGLE * (MOVES * number + np.arange(MOVES))
+    length = SPAN ** -np.linspace(0.0, 1.0, MOVES)
+    return frozen(length[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))

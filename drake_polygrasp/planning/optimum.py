@@ -16,7 +16,6 @@ from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.epsilon_bound import critical_directions, epsilon_upper_bound
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.cell_bounds import KEPT, CellTriples, bounded
-from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.face_support import (
     contacts_on,
     face_twists,
@@ -24,7 +23,8 @@ from drake_polygrasp.planning.face_support import (
     points_on,
 )
 from drake_polygrasp.planning.improvement import improved
-from drake_polygrasp.planning.search import Triples
+from drake_polygrasp.planning.search import NO_TRIPLES, Triples
+from drake_polygrasp.wrench import force_closure
 
 TOLERANCE = 0.01
 """Relative, ours: triples that could hold only a grasp better by less are not cut further."""
@@ -36,7 +36,7 @@ MOST_OPEN = 100_000
 """Triples that are kept at most, ours: half a kilobyte each."""
 _WORTH = 1e-3
 """Relative, ours: a grasp is better when it is by more than this."""
-_ROUNDS = ((1, 120),) * 8
+_ROUNDS = (1,) * 8
 """Of improvement for every new best grasp, ours."""
 
 
@@ -194,8 +194,9 @@ def _improved(
     """A grasp, one row, moved while its epsilon rises; none where a contact is off its region."""
     p_FC = points_in_faces(regions, region, p_BC)
     if not shapely.intersects_xy(regions.polygon_F[region], p_FC[..., 0], p_FC[..., 1]).all():
-        return Triples(region[:0], p_BC[:0]), 0.0
-    estimate = epsilon_estimates(*contacts_on(regions, region, p_BC), p_BBcm, rho)
-    p_BC, _ = improved(regions, region, p_BC, estimate, p_BBcm, rho, _ROUNDS)
-    bound = epsilon_upper_bound(*contacts_on(regions, region, p_BC), p_BBcm, rho)
-    return Triples(region, p_BC), float(bound[0])
+        return NO_TRIPLES, 0.0
+    p_BC, _ = improved(regions, region, p_BC, p_BBcm, rho, _ROUNDS)
+    contacts = contacts_on(regions, region, p_BC)
+    if not force_closure(*contacts).all():
+        return NO_TRIPLES, 0.0
+    return Triples(region, p_BC), float(epsilon_upper_bound(*contacts, p_BBcm, rho)[0])

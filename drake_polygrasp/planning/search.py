@@ -41,7 +41,7 @@ class Triples:
     p_BC: Array
     """[m], shape (M, 3, 3)."""
 
-    def take(self, rows: Ints | Bools) -> Triples:
+    def take(self, rows: Ints | Bools | slice) -> Triples:
         """The same for some of the rows."""
         return Triples(self.region[rows], self.p_BC[rows])
 

@@ -60,7 +60,7 @@ def improved_triples(
     estimate = estimates(regions, starts, p_BBcm, rho)
     rows = best_places(starts.region, estimate, effort.starts, PLACES)
     region, p_BC = starts.region[rows], starts.p_BC[rows]
-    p_BC, _ = improved(regions, region, p_BC, estimate[rows], p_BBcm, rho, effort.rounds)
+    p_BC, _ = improved(regions, region, p_BC, p_BBcm, rho, effort.rounds)
     return Triples(region, p_BC)
 
 
