@@ -125,19 +125,24 @@ def test_triples_hold_and_beat_random_ones_of_the_same_points(object_: GraspObje
     assert bounds(found).max() >= 0.97 * bounds(drawn).max()
 
 
-def test_directions_are_even_where_wrenches_are() -> None:
+@pytest.mark.parametrize(("shells", "num"), [((2, 4), 312), ((2, 4, 6), 856)])
+def test_directions_are_even_where_wrenches_are(shells: tuple[int, ...], num: int) -> None:
     cones = np.random.default_rng(1).normal(size=(4000, 3, 6))
-    w = search.spread_directions(cones, 20_000)
+    w = search.spread_directions(cones, shells)
+    assert len(w) == num
     np.testing.assert_allclose(np.linalg.norm(w, axis=1), 1.0)
     np.testing.assert_allclose(w.T @ w / len(w), np.eye(6) / 6, atol=0.01)
+    # As many drawn at random have some within 10 degrees of each other.
+    closest = (w @ w.T - 2 * np.eye(num)).max(axis=1)
+    assert np.degrees(np.arccos(closest.max())) > 25
 
 
 @pytest.mark.parametrize("reach", [0.1, 0.0])
 def test_more_directions_are_those_that_wrenches_reach_less_far_in(reach: float) -> None:
     """As of a rod, about whose axis contacts apply little torque; or none, without friction."""
     cones = np.random.default_rng(1).normal(size=(400, 3, 6)) * [1, 1, 1, reach, 1, 1]
-    square = (search.spread_directions(cones, 2000) ** 2).mean(axis=0)
-    assert square[3] > 0.7
+    square = (search.spread_directions(cones) ** 2).mean(axis=0)
+    assert square[3] > 0.5
     assert square[[0, 1, 2, 4, 5]].max() < 1 / 6
 
 

@@ -16,8 +16,6 @@ class Effort:
     """Sample points on objects of few regions."""
     most_points: int
     """On objects of many; of more regions the largest have one."""
-    directions: int
-    """Spread over all wrenches, to begin with."""
     strides: tuple[int, ...]
     """Each pass searches every so many of the points: those before the last cost little, and tell
     it the directions that their winners resist least."""
@@ -37,7 +35,6 @@ class Effort:
 FULL = Effort(
     points=100,
     most_points=1300,
-    directions=500,
     strides=(4, 2, 1),
     sources=24,
     kept=150,
@@ -46,7 +43,6 @@ FULL = Effort(
 QUICK = Effort(
     points=70,
     most_points=120,
-    directions=500,
     strides=(1,),
     sources=12,
     kept=70,

@@ -1,7 +1,7 @@
 """Beyond the paper: the best triples of sample points, however many triples there are.
 
 For any directions w, a triple of points resists no more than min_w max_i h_i(w) (see
-face_support.py); set_cover.py finds the triples for which that is greatest. Some hundred
+face_support.py); set_cover.py finds the triples for which that is greatest. Three hundred
 directions spread over all wrenches tell good triples from bad ones; those that the best of them
 resist least, added in later passes, tell the best ones from each other.
 """
@@ -24,6 +24,8 @@ from drake_polygrasp.wrench import force_closure, frame_wrenches
 
 MANY_POINTS = 160
 """Ours: fewer have two passes at most, for the first of three would see too few."""
+SHELLS = (2, 4, 6)
+"""Squared lengths of directions, ours: 312, and 544 more, which are worth it with many points."""
 LEVEL = 1e-9
 """Ours, times the greatest: what wrenches reach less far than this, they do not reach."""
 ENOUGH = 0.3
@@ -81,8 +83,9 @@ def best_triples(
         return NO_TRIPLES
     p_BC = points_on(regions, region, p_FC)
     cones = frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
-    strides = effort.strides if len(region) >= MANY_POINTS else effort.strides[-2:]
-    w, found = spread_directions(cones, effort.directions), NO_TRIPLES
+    is_many = len(region) >= MANY_POINTS
+    strides = effort.strides if is_many else effort.strides[-2:]
+    w, found = spread_directions(cones, SHELLS if is_many else SHELLS[:-1]), NO_TRIPLES
     for number in range(MOST_PASSES):
         some = np.arange(0, len(region), strides[min(number, len(strides) - 1)])
         rows = some[cover(_support(cones[some], w), max(effort.kept, len(some)))]
@@ -100,8 +103,8 @@ def best_triples(
     return found
 
 
-def spread_directions(cones: Array, num: int) -> Array:
-    """Unit directions spread over all wrenches as those of the cones (N, 3, 6) are, (num, 6).
+def spread_directions(cones: Array, shells: tuple[int, ...] = SHELLS) -> Array:
+    """Unit directions spread over all wrenches as those of the cones (N, 3, 6) are, shape (K, 6).
 
     They are even where the cones' wrenches reach equally far in all directions. Where they do not,
     as the torques about a rod's axis, there are more directions that they reach less far in: the
@@ -111,13 +114,17 @@ def spread_directions(cones: Array, num: int) -> Array:
     square, axes = np.linalg.eigh(wrenches.T @ wrenches)
     reach = np.sqrt(np.maximum(square, LEVEL**2 * square[-1]))
     # The symmetric root, which does not depend on which axes are chosen where several would do.
-    return unit(_even(num) @ (axes / reach) @ axes.T)
+    return unit(_even_directions(shells) @ (axes / reach) @ axes.T)
 
 
 @cache
-def _even(num: int) -> Array:
-    """Vectors of no preferred direction, shape (num, 6)."""
-    return frozen(np.random.default_rng(0).normal(size=(num, 6)))
+def _even_directions(shells: tuple[int, ...]) -> Array:
+    """Vectors of the lattice D_6 of some squared lengths, shape (K, 6).
+
+    The shortest are farther from each other than as many drawn at random, and leave less between.
+    """
+    lattice = np.indices((5,) * 6).reshape(6, -1).T - 2
+    return frozen(lattice[np.isin((lattice**2).sum(axis=1), shells)])
 
 
 def _frames(regions: Regions) -> Array:
