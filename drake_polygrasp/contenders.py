@@ -227,10 +227,9 @@ def contenders(task: Task, plan: SetPlan, triples: Triples | None) -> Contenders
     on_surface[built] = seats.ok.reshape(-1, 3).all(axis=1)
     outcome[built & ~on_surface] = CODE["off_face"]
     alive = np.flatnonzero(outcome == UNJUDGED)
-    outcome[alive[~non_collinear(p_BC[alive])]] = CODE["collinear"]
-    alive = np.flatnonzero(outcome == UNJUDGED)
-    holds = force_closure(p_BC[alive], nhat_TB_B[alive], mu[alive])
-    outcome[alive[~holds]] = CODE["not_force_closure"]
+    slips = alive[~force_closure(p_BC[alive], nhat_TB_B[alive], mu[alive])]
+    spread = non_collinear(p_BC[slips])
+    outcome[slips] = np.where(spread, CODE["not_force_closure"], CODE["collinear"])
     distinct = 1 + (np.diff(np.sort(face, axis=1), axis=1) > 0).sum(axis=1)
     kind = np.where(distinct == 2, 2, rows.is_parallel)
     nhat_B, p_BP = _planes_of(p_BC, rows, LENGTH_TOLERANCE * polyhedron.diameter)

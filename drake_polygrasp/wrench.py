@@ -36,7 +36,7 @@ def contact_triangle(p_BC: Array) -> tuple[Array, Array]:
         Points relative to the centroid and divided by the longest side (zero where the three
         points are one), shape (M, 3, 3), and the longest side [m], shape (M,).
     """
-    sides = p_BC - p_BC[:, (2, 0, 1)]
+    sides = p_BC - p_BC.take((2, 0, 1), axis=1)
     longest = np.sqrt(dot(sides, sides).max(axis=1))
     centred = p_BC - (p_BC[:, :1] + p_BC[:, 1:2] + p_BC[:, 2:]) / 3.0
     scale = np.where(longest > 0, longest, 1.0)
@@ -136,10 +136,10 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
     edges = np.concatenate([along - across, along + across], axis=1)
     # (fx, fy, tau) of each edge without a choice of axes in the plane: the planar force turned
     # into B, plus its torque along N.
-    wrenches = unit(edges + cross(p[:, _ENDS], edges)).transpose(2, 1, 0).copy()
+    wrenches = unit(edges + cross(p.take(_ENDS, axis=1), edges)).transpose(2, 1, 0).copy()
 
     first, second = _PAIRS.T
-    facet = cross_first(wrenches[:, first], wrenches[:, second])
+    facet = cross_first(wrenches.take(first, axis=1), wrenches.take(second, axis=1))
     independent = (facet * facet).sum(axis=0) > _ON_A_SIDE**2
     side = np.einsum("cfm,cwm->wfm", facet, wrenches)
     both = (side.max(axis=0) > _ON_A_SIDE) & (side.min(axis=0) < -_ON_A_SIDE)

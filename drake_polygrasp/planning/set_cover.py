@@ -7,10 +7,12 @@ joined, are all ones.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.arrays import Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.planning.planar import ranges
 
 Singles = npt.NDArray[np.float32]
@@ -48,11 +50,16 @@ def cover(h: Singles, num: int) -> Ints:
 def _thresholds(h: Singles, num: int) -> Singles:
     """Falling thresholds, from one that some more than `num` triples should pass to none at all."""
     N = len(h)
-    sample = np.random.default_rng(0).integers(0, N, (_SAMPLE, 3))
-    height = np.sort(_heights(h, sample))
+    height = np.sort(_heights(h, (N * _sample()).astype(np.int64)))
     share = min(1.0, max(12 * num / N**3, 2e-3))
     passing = share ** np.array([1.0, 3 / 4, 1 / 2, 1 / 4])
     return np.append(height[((1.0 - passing) * _SAMPLE).astype(int)], -np.inf)
+
+
+@cache
+def _sample() -> Array:
+    """Triples drawn evenly, as shares of how many points there are, shape (_SAMPLE, 3)."""
+    return frozen(np.random.default_rng(0).random((_SAMPLE, 3)))
 
 
 def _above(h: Singles, threshold: float, num: int) -> Ints:
