@@ -75,7 +75,8 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
     These are of contacts on the planes of faces, before they are moved to the true surface.
 
     Sample points of flat faces without room for tips are left out, which costs less than cutting
-    regions. Where improvement then leads into a corner, the triples themselves remain.
+    regions. Where improvement then leads into a corner, or so far that a grasp does not hold, the
+    triples themselves remain.
     """
     regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
     region, p_FC = sample_points(regions, num_points(len(regions.face), QUICK))

@@ -50,6 +50,8 @@ def improved_triples(
 ) -> Triples:
     """The best of the triples, improved: all a little, those that lead then to the end.
 
+    A few may not hold any more.
+
     Args:
         regions: where contacts may be.
         starts: any number of triples, all `usable`.
