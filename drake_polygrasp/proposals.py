@@ -86,13 +86,15 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
     has_room = np.ones(len(region), dtype=bool)
     has_room[flat] = fits(task, *contacts) & is_clear(task, *contacts)
     # Few triples are of few sets.
-    effort = replace(QUICK, kept=QUICK.kept * (1 + wanted // 2))
+    times = 1 + wanted // 2
+    rounds = tuple(times * num for num in QUICK.rounds)
+    effort = replace(QUICK, kept=times * QUICK.kept, rounds=rounds)
     found = best_triples(regions, (region[has_room], p_FC[has_room]), *scale, effort)
     estimate = estimates(regions, found, *scale)
     rows = best_places(found.region, estimate, RESERVE * (wanted + 1), PLACES)
     best, estimate = found.take(rows), estimate[rows]
-    starts = best.take(slice(QUICK.starts))
-    p_BC, risen = improved(regions, starts.region, starts.p_BC, *scale, QUICK.rounds)
+    starts = best.take(slice(effort.starts))
+    p_BC, risen = improved(regions, starts.region, starts.p_BC, *scale, effort.rounds)
     triples = joined(Triples(starts.region, p_BC), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
     return contenders(task, unplanned(sets), triples), np.concatenate([risen, estimate])
