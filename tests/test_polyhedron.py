@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from math import sqrt
 
 import numpy as np
@@ -18,6 +19,7 @@ from drake_polygrasp.geometry.polyhedron import (
     Face,
     Polyhedron,
     erode,
+    shrunk,
     surface_vertices,
     volume_centroid,
 )
@@ -307,6 +309,24 @@ def test_erosion_takes_the_clearance_from_every_edge() -> None:
         [0.18 * 0.38, 0.08 * 0.38, 0.08 * 0.18, 0.08 * 0.18, 0.08 * 0.38, 0.18 * 0.38]
     )
     assert regions.num_left_out == 0
+
+
+def test_nothing_is_said_of_corners_that_are_one_but_for_rounding() -> None:
+    """GEOS divides by zero there, of which numpy warns."""
+    corners = [
+        [-0.028540548048067355, 0.04854054804806736],
+        [0.04854054804806736, 0.04854054804806736],
+        [0.03297608861204079, -0.02854054804806736],
+        [0.03297608861204079, 0.0038270690691771594],
+        [0.032976088612040794, 0.003827069069177194],
+        [0.032976088612040794, 0.04],
+    ]
+    polygon = np.array([shapely.Polygon(corners)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        wide, narrow = (shrunk(polygon, by)[0] for by in (0.0379, 0.001))
+    assert wide.is_empty
+    assert shapely.distance(narrow, polygon[0].boundary) == pytest.approx(0.001)
 
 
 def test_the_default_clearance_is_a_hundredth_of_the_diameter_or_a_fifth_of_the_inradius() -> None:

@@ -276,12 +276,19 @@ def erode(
     if edge_clearance is not None:
         clearance = np.full(len(radius), edge_clearance)
     kept = np.flatnonzero((radius >= narrowest) & (radius > clearance))
-    eroded = shapely.buffer(polygons[kept], -clearance[kept], join_style="mitre")
+    eroded = shrunk(polygons[kept], clearance[kept])
     parts, owner = shapely.get_parts(
         shapely.simplify(eroded, LENGTH_TOLERANCE * L), return_index=True
     )
     solid = shapely.area(parts) > (LENGTH_TOLERANCE * L) ** 2
     return _regions(polyhedron, parts[solid], kept[owner[solid]])
+
+
+def shrunk(polygons: npt.NDArray[np.object_], by: float | Array) -> npt.NDArray[np.object_]:
+    """Polygons less what is nearer than `by` [m] to their edges, with sharp corners."""
+    # GEOS divides by zero at some corners, to no harm, and numpy would warn of it.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(shapely.buffer(polygons, -by, join_style="mitre"))
 
 
 def _radii(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], wide: float) -> Array:

@@ -17,7 +17,7 @@ from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.cavities import Cavities, find_cavities
 from drake_polygrasp.geometry.patches import Patch, check_tolerances, curved_triangles, grow_patches
-from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron
+from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron, shrunk
 from drake_polygrasp.geometry.primitives import Primitive, sagitta, tessellation
 from drake_polygrasp.geometry.sections import (
     Mesh,
@@ -260,8 +260,7 @@ def _tidy_polygons(polygons: Polygons, L: float) -> list[shapely.Polygon]:
 
 
 def _wide(polygons: Polygons, L: float) -> Bools:
-    eroded = shapely.buffer(polygons, -FLATNESS * L, join_style="mitre")
-    return ~np.asarray(shapely.is_empty(eroded), dtype=bool)
+    return ~np.asarray(shapely.is_empty(shrunk(polygons, FLATNESS * L)), dtype=bool)
 
 
 def _corners(ring: shapely.LinearRing, L: float) -> shapely.LinearRing:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.polyhedron import Regions, shrunk
 from drake_polygrasp.planning.effort import Effort
 
 POINTS_A_REGION = 2.5
@@ -52,7 +52,7 @@ def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
         rings, owner = _rings(shapely.segmentize(outline, spacing))
         links = shapely.shortest_line(level[owner], shapely.points(rings))
         found.append((row[owner], shapely.get_coordinates(links)[::2]))
-        level = shapely.buffer(level, -spacing, join_style="mitre")
+        level = shrunk(level, spacing)
         wide = ~shapely.is_empty(level)
     region, p_FC = zip(*found, strict=True)
     return np.concatenate(region), np.concatenate(p_FC)
