@@ -10,7 +10,6 @@ from dataclasses import dataclass, fields
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 from scipy.spatial import cKDTree
 
 from benchmarks.peers import (
@@ -26,6 +25,7 @@ from benchmarks.peers import (
 )
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.planning.planar import nearest_points
 
 NUM_TRIPLES = 50_000
 _POOL = 10_000
@@ -142,7 +142,6 @@ class _Search:
         regions = self.surface.regions
         R_BF, p_BF = regions.R_BF[region], regions.p_BF[region]
         xy = np.einsum("mij,mi->mj", R_BF[:, :, :2], p - p_BF)
-        ties = shapely.shortest_line(regions.polygon_F[region], shapely.points(xy))
-        nearest = shapely.get_coordinates(ties)[::2]
+        nearest = nearest_points(regions.polygon_F[region], xy)
         moved: Array = p_BF + np.einsum("mij,mj->mi", R_BF[:, :, :2], nearest)
         return moved

@@ -18,7 +18,7 @@ from drake_polygrasp.epsilon_bound import (
 )
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning import improvement
+from drake_polygrasp.planning import improvement, optimum
 from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates, radii_of_lines
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces, points_on
 from drake_polygrasp.planning.improvement import improved
@@ -119,6 +119,25 @@ def test_only_the_best_so_far_go_on() -> None:
     assert later[~went_on] == pytest.approx(estimate[~went_on])
 
 
+def test_contacts_that_do_not_hold_are_no_grasp_to_compare_with() -> None:
+    """All on one face, of which estimates, many of them high, say nothing."""
+    object_ = OBJECTS["cube"]
+    regions, starts = constructed(object_)
+    scale = object_.p_BBcm, object_.rho
+    corners = np.array([[[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]]])
+    for face in range(6):
+        region = np.full((1, 3), face)
+        p_BC = points_on(regions, region, 0.01 * corners)
+        _, estimate = improved(regions, region, p_BC, *scale, (1,) * 8)
+        best, epsilon = optimum._improved(regions, region, p_BC, *scale)
+        assert estimate.shape == (1,)
+        assert not len(best.region)
+        assert epsilon == 0.0
+    best, epsilon = optimum._improved(regions, starts.region[:1], starts.p_BC[:1], *scale)
+    assert len(usable(regions, best)) == 1
+    assert epsilon > 0.0
+
+
 def test_no_grasps_are_improved_to_none() -> None:
     regions, starts = constructed(OBJECTS["cube"])
     p_BC, estimate = moved_by(OBJECTS["cube"], regions, starts.take(slice(0)), 3, 2)
@@ -151,7 +170,7 @@ def test_no_grasp_nearby_is_much_better_in_the_end(name: str) -> None:
 
 @pytest.mark.parametrize("name", OBJECTS)
 def test_slopes_foretell_radii(name: str) -> None:
-    """Of the least radii, by steps a hundred times as long as those that slopes are taken by."""
+    """Of the least radii, by steps thirty times as long as those that slopes are taken by."""
     object_ = OBJECTS[name]
     regions, starts = constructed(object_)
     scale = object_.p_BBcm, object_.rho

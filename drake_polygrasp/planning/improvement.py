@@ -19,7 +19,7 @@ from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.epsilon_estimate import radii_of_lines
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces, points_on
-from drake_polygrasp.planning.planar import Shapes
+from drake_polygrasp.planning.planar import Shapes, nearest_points
 
 MOVES = 15
 """Of each contact in a round, beside staying where it is, ours."""
@@ -126,9 +126,8 @@ def _nearest_inside(polygons: Shapes, points: Array) -> Array:
     """Points (..., 2), those outside their polygons, (...), moved to the nearest boundary."""
     polygons = np.broadcast_to(polygons, points.shape[:-1])
     outside = ~shapely.intersects_xy(polygons, points[..., 0], points[..., 1])
-    links = shapely.shortest_line(polygons[outside], shapely.points(points[outside]))
     inside = points.copy()
-    inside[outside] = shapely.get_coordinates(links)[::2]
+    inside[outside] = nearest_points(polygons[outside], points[outside])
     return inside
 
 

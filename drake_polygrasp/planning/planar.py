@@ -41,6 +41,13 @@ class Scale:
         return LENGTH_TOLERANCE * self.diameter**2
 
 
+def nearest_points(shapes: Shapes, points: Array) -> Array:
+    """The point of each shape nearest to one point, (M,) and (M, 2) to (M, 2)."""
+    links = shapely.shortest_line(shapes, shapely.points(points))
+    nearest: Array = shapely.get_coordinates(links)[::2]
+    return nearest
+
+
 @dataclass(frozen=True, eq=False)
 class Boundary:
     """The directed edges of all regions, flat; every vertex is the tail of exactly one edge."""

@@ -9,6 +9,7 @@ import shapely
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.geometry.polyhedron import Regions, shrunk
 from drake_polygrasp.planning.effort import Effort
+from drake_polygrasp.planning.planar import nearest_points
 
 POINTS_A_REGION = 2.5
 """On objects of more than a few regions, ours."""
@@ -50,8 +51,7 @@ def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
         level, row = level[wide], row[wide]
         outline = shapely.simplify(level, OUTLINE * spacing)
         rings, owner = _rings(shapely.segmentize(outline, spacing))
-        links = shapely.shortest_line(level[owner], shapely.points(rings))
-        found.append((row[owner], shapely.get_coordinates(links)[::2]))
+        found.append((row[owner], nearest_points(level[owner], rings)))
         level = shrunk(level, spacing)
         wide = ~shapely.is_empty(level)
     region, p_FC = zip(*found, strict=True)

@@ -1,7 +1,7 @@
 """Beyond the paper: the best triples of sample points, however many triples there are.
 
 For any directions w, a triple of points resists no more than min_w max_i h_i(w) (see
-face_support.py); set_cover.py finds the triples for which that is greatest. Three hundred
+face_support.py); set_cover.py finds the triples for which that is greatest. Some hundred
 directions spread over all wrenches tell good triples from bad ones; those that the best of them
 resist least, added in later passes, tell the best ones from each other.
 """
