@@ -159,7 +159,11 @@ def verify_table(report: Report) -> str:
         for name, line in grasp.lines.items()
         if line.reason
     ]
-    summary = "all that was checked holds" if report.holds else "something does not hold"
+    summary = {
+        True: "all that was checked holds",
+        False: "something does not hold",
+        None: "all that was checked holds; SURFACE was not checked",
+    }[report.holds]
     return "\n".join(
         [
             f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",
@@ -189,8 +193,8 @@ def _plant_lines(report: Report) -> list[str]:
     return _aligned([("rank", "check", "verdict", "margin", "unit", ""), *rows]) if rows else []
 
 
-def verify_document(report: Report, holds: bool) -> dict[str, Any]:
-    """The report for machines."""
+def verify_document(report: Report, holds: bool | None) -> dict[str, Any]:
+    """The report for machines; `holds` is that of the report or, as more was asked for, False."""
     return {
         "file": str(report.path),
         "holds": holds,

@@ -75,15 +75,18 @@ class Report:
     warnings: tuple[str, ...] = ()
 
     @property
-    def holds(self) -> bool:
-        """Whether there are grasps, each proved, and nothing that was checked failed."""
+    def holds(self) -> bool | None:
+        """True if there are grasps and everything about them was checked and holds.
+
+        False if there are none or something does not hold. None if all that was checked holds, but
+        the model was not there to check SURFACE against.
+        """
         lines = [line for grasp in self.grasps for line in grasp.lines.values()]
         plants = [grasp.plant for grasp in self.grasps if grasp.plant is not None]
-        return (
-            bool(lines)
-            and all(line.status is not Status.FAILED for line in lines)
-            and all(plant.holds for plant in plants)
-        )
+        failed = any(line.status is Status.FAILED for line in lines)
+        if not lines or failed or not all(plant.holds for plant in plants):
+            return False
+        return True if self.model_checked else None
 
     @property
     def plant_checked(self) -> bool:

@@ -229,6 +229,8 @@ def test_a_missing_model_is_a_warning_unless_it_is_required(
     verify = Run(capsys, "verify box.grasp.yaml")
     assert verify.code == 0
     assert verify.err.startswith("warning: SURFACE is not checked")
+    assert verify.out.endswith("all that was checked holds; SURFACE was not checked\n")
+    assert Run(capsys, "verify box.grasp.yaml --json").json()["holds"] is None
     required = Run(capsys, "verify box.grasp.yaml --require-model --json")
     assert required.code == 1
     assert required.json()["holds"] is False

@@ -55,9 +55,22 @@ def test_without_its_model_the_rest_is_checked_and_a_warning_says_so(box: Path) 
     (box.parent / "box.sdf").unlink()
     report = verify_file(box)
     assert statuses(box) == (PROVED, Status.NOT_CHECKED, RECOMPUTED)
-    assert report.holds
+    assert report.holds is None
     assert not report.model_checked
     assert "box.sdf" in report.warnings[0]
+
+
+def test_what_fails_does_not_hold_whether_the_model_is_there_or_not(box: Path) -> None:
+    assert verify_file(box).holds is True
+    edit(box, scale("margin", 2.0))
+    assert verify_file(box).holds is False
+    (box.parent / "box.sdf").unlink()
+    assert verify_file(box).holds is False
+
+
+def test_a_changed_model_does_not_hold(box: Path) -> None:
+    (box.parent / "box.sdf").write_text(BOX_SDF + "<!-- another -->")
+    assert verify_file(box).holds is False
 
 
 def test_a_package_that_is_not_known_is_a_missing_model(box: Path) -> None:
@@ -75,7 +88,7 @@ def test_a_package_path_that_is_no_folder_is_the_caller_s_fault(box: Path) -> No
 
 
 def test_a_file_without_grasps_holds_nothing(box: Path) -> None:
-    assert not verify_file(edit(box, lambda d: d.update(grasps=[]))).holds
+    assert verify_file(edit(box, lambda d: d.update(grasps=[]))).holds is False
 
 
 def contact(document: Document, i: int = 0) -> Document:
@@ -270,7 +283,7 @@ def wedge(box: Path) -> Path:
 
 def test_a_grasp_that_needs_friction_says_how_much(wedge: Path) -> None:
     assert wedge_grasp().certificate.mu_min == pytest.approx(math.tan(math.radians(10)), rel=2e-3)
-    assert verify_file(wedge).holds
+    assert verify_file(wedge).holds is None
 
 
 def halve_friction(document: Document) -> None:
@@ -302,7 +315,10 @@ def test_less_friction_than_it_takes_is_refused(
 
 
 def test_mu_min_without_its_witness_is_proved_by_another(wedge: Path) -> None:
-    assert verify_file(edit(wedge, lambda d: certificate(d).pop("mu_min_internal_force"))).holds
+    assert (
+        verify_file(edit(wedge, lambda d: certificate(d).pop("mu_min_internal_force"))).holds
+        is None
+    )
 
 
 @pytest.mark.parametrize("model", MODELS, ids=lambda path: path.stem)
