@@ -43,13 +43,7 @@ def main() -> None:
 def plant_reports(model: Path, top: int) -> list[PlantReport]:
     object_ = load_object(model)
     plan: GraspPlan = plan_grasps(object_, top=top)
-    tip_radius = plan.settings["tip_radius"]
-    return [
-        certify_in_plant(
-            object_, found.grasp, found.certificate.internal_force, tip_radius=tip_radius
-        )
-        for found in plan.grasps
-    ]
+    return [certify_in_plant(object_, found) for found in plan.grasps]
 
 
 def fault(report: PlantReport) -> str:

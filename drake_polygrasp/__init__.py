@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.loading.plant_object import object_from_plant
     from drake_polygrasp.loading.plant_obstacles import obstacles_from_plant
     from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
+    from drake_polygrasp.plant_verdicts import PlantRecord, PlantVerdict
     from drake_polygrasp.systems import GraspForces
     from drake_polygrasp.verification import Report, verify_file
 
@@ -48,7 +49,9 @@ __all__ = [
     "GraspPlan",
     "ModelError",
     "Obstacles",
+    "PlantRecord",
     "PlantReport",
+    "PlantVerdict",
     "PolygraspError",
     "Report",
     "UsageError",
@@ -79,6 +82,7 @@ _HOMES = {
     "loading.plant_object": ("object_from_plant",),
     "loading.plant_obstacles": ("obstacles_from_plant",),
     "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
+    "plant_verdicts": ("PlantRecord", "PlantVerdict"),
     "systems": ("GraspForces",),
     "verification": ("Report", "verify_file"),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -172,7 +172,7 @@ class Contenders:
             epsilon=epsilon,
         )
         assert isinstance(certified, CertifiedGrasp)  # it is proved already
-        return certified
+        return replace(certified, tip_radius=self.task.tip_radius)
 
     def _quality(self, row: int) -> Quality | None:
         q_1, q_2, q_3, q_4, q_5 = q = self.candidates.q[row].tolist()

@@ -15,13 +15,21 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import AddFrame, ModelDirective, ModelDirectives
 
 from drake_polygrasp.errors import GraspFileError
-from drake_polygrasp.grasp import Grasp
+from drake_polygrasp.grasp import AnyGrasp, Grasp, grasp_of
 from drake_polygrasp.grasp_file import GraspFile
 from drake_polygrasp.wrench import contact_frames
 
 
-def contact_poses(grasp: Grasp) -> tuple[RigidTransform, RigidTransform, RigidTransform]:
-    """X_BC of each contact's frame C: Cz pushes into the object, Cx is across the grasp plane."""
+def contact_poses(grasp: AnyGrasp) -> tuple[RigidTransform, RigidTransform, RigidTransform]:
+    """Returns X_BC of each contact frame C: Cz pushes into the object, Cx crosses the grasp plane.
+
+    Args:
+        grasp: three contacts; of a plan or of a file, with their certificate, too.
+
+    Raises:
+        UsageError: when it is no grasp.
+    """
+    grasp = grasp_of(grasp)
     frames = contact_frames(grasp.p_BC[None], grasp.nhat_TB_B[None])[0]
     poses = [
         RigidTransform(RotationMatrix(R_CB[[1, 2, 0]].T), p_BC)
@@ -58,6 +66,9 @@ def _grasp_frames(file: GraspFile, name: str, grasp: Grasp, radius: float) -> It
 def export_directives(file: GraspFile, output: Path | str) -> None:
     """Writes `grasp_directives` to a file for `LoadModelDirectives`.
 
+    What a plant said of the grasps stands above them in comments, for directives have no place
+    for it.
+
     Raises:
         GraspFileError: when `output` cannot be written, or would be the grasp file.
     """
@@ -65,6 +76,13 @@ def export_directives(file: GraspFile, output: Path | str) -> None:
     if output.exists() and output.samefile(file.path):
         raise GraspFileError(f"{output}: is the grasp file; name another for the directives")
     try:
-        output.write_text(yaml_dump_typed(grasp_directives(file)), encoding="utf-8")
+        text = "".join(_plant_comments(file)) + yaml_dump_typed(grasp_directives(file))
+        output.write_text(text, encoding="utf-8")
     except OSError as error:
         raise GraspFileError(f"{output}: cannot be written: {error.strerror}") from error
+
+
+def _plant_comments(file: GraspFile) -> Iterator[str]:
+    for rank, stated in enumerate(file.grasps, start=1):
+        if stated.plant is not None:
+            yield f"# grasp_{rank} in a plant, as {file.path.name} states: {stated.plant.verdict}\n"

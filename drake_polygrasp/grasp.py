@@ -11,16 +11,22 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.polyhedron import Polyhedron
+
+if TYPE_CHECKING:
+    from drake_polygrasp.plant_verdicts import PlantRecord
 
 Kind = Literal["three_faces", "three_parallel_faces", "two_faces"]
 
 
 class Verdict(StrEnum):
-    """The exact certificate's answer; undecided is never "holds"."""
+    """The answer to whether a grasp holds; undecided is never "holds"."""
 
     HOLDS = "holds"
     FAILS = "does not hold"
@@ -127,3 +133,55 @@ class CertifiedGrasp:
 
     grasp: Grasp
     certificate: Certificate
+    tip_radius: float | None = None
+    """Radius of the fingertips that have room at the contacts [m]; None where no plan says so."""
+    plant: PlantRecord | None = None
+    """What a plant says of the grasp; None where it was not asked."""
+
+
+class CarriesProof(Protocol):
+    """A certificate, as it is proved or stated."""
+
+    @property
+    def internal_force(self) -> Array:
+        """x_12, x_13, x_23 [1/m], shape (3,)."""
+
+
+class CarriesGrasp(Protocol):
+    """A grasp with what is known of it: `CertifiedGrasp`, or a file's `StatedGrasp`."""
+
+    @property
+    def grasp(self) -> Grasp:
+        """The three contacts."""
+
+    @property
+    def certificate(self) -> CarriesProof:
+        """The proof of force closure."""
+
+    @property
+    def tip_radius(self) -> float | None:
+        """Radius of the fingertips that it was planned for [m]."""
+
+
+AnyGrasp = Grasp | CarriesGrasp
+
+
+def grasp_of(grasp: AnyGrasp) -> Grasp:
+    """Returns the three contacts of a grasp, or of one that carries its certificate.
+
+    Raises UsageError when it is no grasp, or its arrays have other shapes or numbers than stated.
+    """
+    contacts = grasp if isinstance(grasp, Grasp) else getattr(grasp, "grasp", None)
+    if not isinstance(contacts, Grasp):
+        raise UsageError(
+            f"the grasp is a {type(grasp).__name__}; it must be a Grasp, or a CertifiedGrasp of a "
+            "plan, or a grasp of a file that was loaded"
+        )
+    for name, shape in (("p_BC", (3, 3)), ("nhat_TB_B", (3, 3)), ("mu", (3,))):
+        values = getattr(contacts, name)
+        numbers = isinstance(values, np.ndarray) and values.dtype.kind == "f"
+        if not numbers or values.shape != shape or not np.isfinite(values).all():
+            raise UsageError(
+                f"the grasp's {name} must be finite numbers, an array of shape {shape}"
+            )
+    return contacts

@@ -32,6 +32,8 @@ from drake_polygrasp.grasp import (
 )
 from drake_polygrasp.plain_yaml import Block, read_mapping
 from drake_polygrasp.plan_settings import read_settings
+from drake_polygrasp.plant_block import plant_document, read_plant
+from drake_polygrasp.plant_verdicts import PlantRecord
 from drake_polygrasp.wrench import edge_forces
 
 FORMAT = "drake_polygrasp/grasps"
@@ -80,6 +82,10 @@ class StatedGrasp:
     f_Bc_B: Array
     """The internal force on B at each contact, shape (3, 3); normal forces add up to 1."""
     certificate: StatedCertificate
+    tip_radius: float | None = None
+    """Radius of the plan's fingertips [m]; None where the file states none."""
+    plant: PlantRecord | None = None
+    """What a plant said of the grasp; None where the file states nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +104,17 @@ class GraspFile:
 def save_grasps(
     path: Path | str,
     object_: GraspObject,
-    grasps: Iterable[CertifiedGrasp],
+    grasps: Iterable[CertifiedGrasp | StatedGrasp],
     plan_settings: Mapping[str, Any],
 ) -> None:
     """Writes a grasp file, whole or not at all: the same arguments give the same bytes.
+
+    Args:
+        path: the grasp file.
+        object_: what is grasped, loaded from a file.
+        grasps: best first. What a plant said of them is written too; grasps of a file that was
+            read are written as they were stated.
+        plan_settings: what repeats the plan: `GraspPlan.settings`, or `GraspFile.plan`.
 
     Raises:
         GraspFileError: when `object_` came from no file, a number is not finite, or `path` cannot
@@ -136,10 +149,13 @@ def write_document(path: Path, document: Mapping[str, Any]) -> None:
     _write_whole(path, text)
 
 
-def grasp_document(certified: CertifiedGrasp) -> dict[str, Any]:
+def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:
     """One grasp as it stands in the file: plain lists, numbers and strings."""
     grasp, certificate = certified.grasp, certified.certificate
-    f_Bc_B = edge_forces(grasp.p_BC[None], certificate.internal_force[None])[0]
+    if isinstance(certified, StatedGrasp):
+        f_Bc_B = certified.f_Bc_B
+    else:
+        f_Bc_B = edge_forces(grasp.p_BC[None], certificate.internal_force[None])[0]
     document: dict[str, Any] = {
         "kind": grasp.kind,
         "faces": grasp.faces,
@@ -156,6 +172,8 @@ def grasp_document(certified: CertifiedGrasp) -> dict[str, Any]:
         document["quality"] = {"scale": quality.scale, "Q": quality.Q, "q": quality.q}
     stated = {name: getattr(certificate, name) for name in _CERTIFICATE_KEYS}
     document["certificate"] = {name: value for name, value in stated.items() if value is not None}
+    if certified.plant is not None:
+        document["plant"] = plant_document(certified.plant)
     plain: dict[str, Any] = _plain(document)
     return plain
 
@@ -177,11 +195,13 @@ def load_grasps(path: Path | str) -> GraspFile:
             f"{path}: version is {version}; this drake_polygrasp reads version {VERSION}"
         )
     object_ = _read_object(root.block("object"))
+    plan = read_settings(root.block("plan"), object_.num_faces) if "plan" in root.data else {}
+    tip_radius = plan.get("tip_radius")
     return GraspFile(
         path=path,
         object_=object_,
-        grasps=tuple(_read_grasp(block) for block in root.blocks("grasps")),
-        plan=read_settings(root.block("plan"), object_.num_faces) if "plan" in root.data else {},
+        grasps=tuple(_read_grasp(block, tip_radius) for block in root.blocks("grasps")),
+        plan=plan,
         generator=root.block("generator").data,
     )
 
@@ -269,7 +289,7 @@ def _read_patch_tolerance(block: Block, key: str, below: float) -> float | None:
     return tolerance
 
 
-def _read_grasp(block: Block) -> StatedGrasp:
+def _read_grasp(block: Block, tip_radius: float | None) -> StatedGrasp:
     contacts = block.blocks("contacts")
     if len(contacts) != 3:
         raise block.refuse("contacts", "a list of three contacts")
@@ -284,7 +304,13 @@ def _read_grasp(block: Block) -> StatedGrasp:
         quality=_read_quality(block.block("quality")) if "quality" in block.data else None,
     )
     f_Bc_B = frozen([contact.vector("f_Bc_B") for contact in contacts])
-    return StatedGrasp(grasp, f_Bc_B, _read_certificate(block.block("certificate")))
+    return StatedGrasp(
+        grasp,
+        f_Bc_B,
+        _read_certificate(block.block("certificate")),
+        tip_radius,
+        read_plant(block.block("plant")) if "plant" in block.data else None,
+    )
 
 
 def _read_faces(block: Block) -> tuple[int, int, int]:

@@ -1,53 +1,21 @@
-"""What a plant says of a file's grasps, as it stands in the optional `plant` block of each."""
+"""Copies a grasp file with what a plant says of its grasps."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.grasp_file import write_document
 from drake_polygrasp.loading.model_source import is_uri
 from drake_polygrasp.plain_yaml import read_mapping
-
-if TYPE_CHECKING:
-    from drake_polygrasp.certification.in_plant import PlantReport
-
-
-def plant_document(report: PlantReport) -> dict[str, Any]:
-    """The verdicts, the settings, and Drake's contact wrenches under the weight along each axis."""
-    return {
-        "verdicts": [
-            {
-                "name": verdict.name,
-                "verdict": str(verdict.verdict),
-                "margin": verdict.margin,
-                "unit": verdict.unit,
-                "reason": verdict.reason,
-            }
-            for verdict in report.verdicts
-        ],
-        "settings": report.settings,
-        "equilibria": [
-            {
-                "weight_B": equilibrium.weight_B.tolist(),
-                "residual": equilibrium.residual,
-                "contact_wrenches": [
-                    {"p_BC": p_BC, "f_Bc_B": f_Bc_B}
-                    for p_BC, f_Bc_B in zip(
-                        equilibrium.p_BC.tolist(), equilibrium.f_Bc_B.tolist(), strict=True
-                    )
-                ],
-            }
-            for equilibrium in report.equilibria
-        ],
-    }
+from drake_polygrasp.plant_block import plant_document
+from drake_polygrasp.plant_verdicts import PlantRecord
 
 
 def save_plant_results(
-    file: Path | str, output: Path | str, reports: Sequence[PlantReport | None]
+    file: Path | str, output: Path | str, reports: Sequence[PlantRecord | None]
 ) -> None:
     """Writes a copy of a grasp file with what a plant says of its grasps.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.plant_block import plant_document
 
 if TYPE_CHECKING:
     from drake_polygrasp.gap import Gap
@@ -149,8 +150,13 @@ def _friction_hint(mu_needed: float | None) -> str:
 
 def verify_table(report: Report) -> str:
     """One row a grasp, and below it a sentence for each line that has something to say."""
+    has_plant = any(grasp.plant or grasp.stated_plant for grasp in report.grasps)
     rows = [
-        (str(rank), *(str(line.status) for line in grasp.lines.values()))
+        (
+            str(rank),
+            *(str(line.status) for line in grasp.lines.values()),
+            *([_plant_cell(grasp)] if has_plant else []),
+        )
         for rank, grasp in enumerate(report.grasps, start=1)
     ]
     remarks = [
@@ -167,12 +173,19 @@ def verify_table(report: Report) -> str:
     return "\n".join(
         [
             f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",
-            *_aligned([("rank", "FORCES", "SURFACE", "NUMBERS"), *rows]),
+            *_aligned([("rank", "FORCES", "SURFACE", "NUMBERS", "PLANT")[: 4 + has_plant], *rows]),
             *remarks,
             *_plant_lines(report),
             summary if rows else "the file holds no grasp",
         ]
     )
+
+
+def _plant_cell(grasp: GraspReport) -> str:
+    """A plant's verdict, or that of the file, which was not asked for again."""
+    if grasp.plant is not None:
+        return str(grasp.plant.verdict)
+    return "-" if grasp.stated_plant is None else f"stated: {grasp.stated_plant.verdict}"
 
 
 def _plant_lines(report: Report) -> list[str]:
@@ -210,9 +223,9 @@ def _verified_document(grasp: GraspReport) -> dict[str, Any]:
         for name, line in grasp.lines.items()
     }
     if grasp.plant is not None:
-        from drake_polygrasp.plant_results import plant_document
-
         document["plant"] = plant_document(grasp.plant)
+    if grasp.stated_plant is not None:
+        document["stated_plant"] = {"status": "stated", "verdict": str(grasp.stated_plant.verdict)}
     return document
 
 

@@ -26,6 +26,7 @@ from drake_polygrasp.grasp_file import GraspFile, StatedGrasp, StatedObject, loa
 from drake_polygrasp.loading.model_source import find_packages, model_digest, resolve
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.plan_settings import exclusion_of
+from drake_polygrasp.plant_verdicts import PlantRecord
 
 if TYPE_CHECKING:
     from drake_polygrasp.certification.in_plant import PlantReport
@@ -57,6 +58,8 @@ class GraspReport:
     numbers: Line
     plant: PlantReport | None = None
     """None where it was not asked for, or the lines leave nothing to ask."""
+    stated_plant: PlantRecord | None = None
+    """What the file states of a plant: not proved again unless it was asked for."""
 
     @property
     def lines(self) -> dict[str, Line]:
@@ -137,9 +140,12 @@ def _verify_grasp(
     if model.object_ is not None:
         surface, clearance = _check_surface(stated, model.object_, avoided)
     forces = _line(Status.PROVED, force_faults(stated))
-    if forces.status is Status.FAILED:
-        return GraspReport(forces, surface, Line(Status.NOT_CHECKED, "the grasp is not proved"))
-    return GraspReport(forces, surface, _check_numbers(stated, object_, clearance))
+    numbers = (
+        Line(Status.NOT_CHECKED, "the grasp is not proved")
+        if forces.status is Status.FAILED
+        else _check_numbers(stated, object_, clearance)
+    )
+    return GraspReport(forces, surface, numbers, stated_plant=stated.plant)
 
 
 def _with_plant(
@@ -157,9 +163,8 @@ def _with_plant(
             report,
             plant=certify_in_plant(
                 object_,
-                stated.grasp,
-                stated.certificate.internal_force,
-                tip_radius=file.plan.get("tip_radius", 0.0),
+                stated,
+                tip_radius=stated.tip_radius or 0.0,
                 package_paths=package_paths,
             ),
         )

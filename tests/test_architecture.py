@@ -18,7 +18,15 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 PURE = [
     *(
         PACKAGE / f"{name}.py"
-        for name in ("errors", "vectors", "grasp", "wrench", "facet_lines", "epsilon_bound")
+        for name in (
+            "errors",
+            "vectors",
+            "grasp",
+            "plant_verdicts",
+            "wrench",
+            "facet_lines",
+            "epsilon_bound",
+        )
     ),
     *PACKAGE.glob("geometry/*.py"),
     *PACKAGE.glob("planning/*.py"),
@@ -27,9 +35,9 @@ ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
     ("errors", "arrays", "vectors"),
     ("geometry", "wrench", "facet_lines", "epsilon_bound"),
-    ("grasp",),
+    ("plant_verdicts", "grasp"),
     ("input_file", "plain_yaml", "loading"),
-    ("planning", "certification", "grasp_file", "plan_settings"),
+    ("planning", "certification", "grasp_file", "plan_settings", "plant_block"),
     (
         "claims",
         "verification",

@@ -19,6 +19,7 @@ from drake_polygrasp import (
     certify_in_plant,
     load_grasps,
     load_object,
+    save_grasps,
     verify_file,
 )
 from drake_polygrasp.arrays import Array, frozen
@@ -325,3 +326,78 @@ def test_a_plant_that_was_asked_for_and_has_no_model_does_not_hold(
     assert main(["verify", str(box)]) == 0
     assert main(["verify", str(box), "--plant"]) == 1
     assert "plant" in capsys.readouterr().err
+
+
+def test_a_grasp_of_a_plan_brings_its_proof_and_its_fingertips() -> None:
+    certified, tip_radius = top_grasp("cube")
+    assert certified.tip_radius == tip_radius
+    alone = certify_in_plant(model("cube"), certified)
+    told = certify_in_plant(
+        model("cube"),
+        certified.grasp,
+        certified.certificate.internal_force,
+        tip_radius=tip_radius,
+    )
+    assert alone.verdicts == told.verdicts
+    assert alone.settings == told.settings
+    other = certify_in_plant(model("cube"), certified, tip_radius=2 * tip_radius)
+    assert other.settings["tip_radius"] == 2 * tip_radius
+
+
+def test_without_a_plan_somebody_has_to_say_how_large_fingertips_are() -> None:
+    with pytest.raises(UsageError, match="tip_radius"):
+        certify_in_plant(model("cube"), cube_grasp())
+
+
+def test_what_a_plant_said_is_saved_read_and_saved_again(tmp_path: Path) -> None:
+    certified, _ = top_grasp("cube")
+    report = certify_in_plant(model("cube"), certified)
+    settings = {"tip_radius": certified.tip_radius}
+    first, second = tmp_path / "first.grasp.yaml", tmp_path / "second.grasp.yaml"
+    save_grasps(first, model("cube"), [replace(certified, plant=report)], settings)
+    file = load_grasps(first)
+    (stated,) = file.grasps
+    assert stated.plant is not None
+    assert stated.plant.holds
+    assert stated.plant.verdicts == report.verdicts
+    assert stated.plant.settings == report.settings
+    for read, made in zip(stated.plant.equilibria, report.equilibria, strict=True):
+        np.testing.assert_array_equal(read.weight_B, made.weight_B)
+        np.testing.assert_array_equal(read.f_Bc_B, made.f_Bc_B)
+    save_grasps(second, model("cube"), file.grasps, file.plan)
+    assert first.read_bytes() == second.read_bytes()
+    # A file's grasp is enough, too: it states its proof, and its plan the fingertips.
+    assert certify_in_plant(model("cube"), stated).verdicts == report.verdicts
+
+
+def test_a_plant_block_is_stated_and_not_proved_again(
+    box: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = {"verdicts": [{"name": "simulation", "verdict": "does not hold", "margin": -0.1}]}
+    edit(box, lambda d: d["grasps"][0].update(plant=block))
+    (grasp_report,) = verify_file(box).grasps
+    assert grasp_report.plant is None
+    assert grasp_report.stated_plant is not None
+    assert grasp_report.stated_plant.verdict is FAILS
+    assert verify_file(box).holds  # what is checked here holds
+    assert main(["verify", str(box)]) == 0
+    assert "stated: does not hold" in capsys.readouterr().out
+    assert main(["export", str(box), "--directives", str(box.parent / "out.dmd.yaml")]) == 0
+    comment = (box.parent / "out.dmd.yaml").read_text().splitlines()[0]
+    assert comment == "# grasp_1 in a plant, as box.grasp.yaml states: does not hold"
+
+
+@pytest.mark.parametrize(
+    ("block", "place"),
+    [
+        (3, r"plant"),
+        ({}, r"plant\.verdicts is missing"),
+        ({"verdicts": [{"name": "exact", "verdict": "yes"}]}, r"verdicts\[0\]\.verdict"),
+        ({"verdicts": [], "equilibria": [{"weight_B": [1, 2]}]}, r"equilibria\[0\]"),
+    ],
+)
+def test_a_plant_block_that_is_none_is_refused_with_its_place(
+    box: Path, block: object, place: str
+) -> None:
+    with pytest.raises(GraspFileError, match=place):
+        load_grasps(edit(box, lambda d: d["grasps"][0].update(plant=block)))

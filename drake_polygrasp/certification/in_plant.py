@@ -25,8 +25,10 @@ from drake_polygrasp.certification.geometry import check_geometry
 from drake_polygrasp.certification.holding import Holding, hold
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval, squeeze_force
-from drake_polygrasp.grasp import Grasp, GraspObject, Verdict
+from drake_polygrasp.errors import UsageError
+from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, Verdict, grasp_of
 from drake_polygrasp.loading.object_model import Solid
+from drake_polygrasp.plant_verdicts import PlantRecord, PlantVerdict
 
 LOAD_SHARE = 0.8
 """Ours: of what the squeeze bears in the worst direction. The hand squeezes with the squeeze force
@@ -45,63 +47,48 @@ LABELS = (
 _NUM_WEIGHTS = 6
 
 
-@dataclass(frozen=True)
-class PlantVerdict:
-    """One answer to the question whether a grasp holds."""
-
-    name: str
-    """exact, convex, geometry, statics or simulation."""
-    verdict: Verdict
-    """Undecided where the check could not be run."""
-    margin: float | None
-    """What is left until it would not hold; None where the check was not run."""
-    unit: str
-    reason: str = ""
-
-
 @dataclass(frozen=True, eq=False)
-class PlantReport:
-    """What a plant says of a grasp, and what it was asked."""
+class PlantReport(PlantRecord):
+    """What a plant says of a grasp, with the simulation that it was judged by."""
 
-    verdicts: tuple[PlantVerdict, ...]
-    settings: dict[str, Any]
-    equilibria: tuple[statics.Equilibrium, ...] = ()
-    """Of the weight along +x, +y, +z, -x, -y, -z of B."""
     trace: simulation.Trace | None = None
     loads: tuple[str, ...] = ()
     """What the trace's loads are."""
 
-    @property
-    def holds(self) -> bool:
-        """Whether all five verdicts are "holds"."""
-        return all(verdict.verdict is Verdict.HOLDS for verdict in self.verdicts)
-
 
 def certify_in_plant(
     object_: GraspObject,
-    grasp: Grasp,
+    grasp: AnyGrasp,
     internal_force: Array | None = None,
     *,
-    tip_radius: float,
+    tip_radius: float | None = None,
     package_paths: Sequence[str | Path] = (),
     meshcat: Meshcat | None = None,
 ) -> PlantReport:
-    """Check a grasp by mathematics, and in scratch plants with the object's own model.
+    """Checks a grasp by mathematics, and in scratch plants with the object's own model.
+
+        report = certify_in_plant(bracket, plan.grasps[0])
 
     Args:
         object_: what is grasped, loaded from a file.
-        grasp: three contacts.
-        internal_force: its proof x_12, x_13, x_23 [1/m], shape (3,); found here if None.
-        tip_radius: of spherical fingertips [m]; 0 for points, which small probes stand for.
+        grasp: three contacts; one of a plan or of a file brings its proof and fingertips.
+        internal_force: the proof x_12, x_13, x_23 [1/m], shape (3,) (default: the grasp's own;
+            found here where it has none).
+        tip_radius: of spherical fingertips [m]; 0 for points, which small probes stand for
+            (default: those that the grasp was planned for).
         package_paths: folders searched for the packages of package:// URIs.
         meshcat: the caller's own, where a recording of the simulation is published.
 
     Raises:
+        UsageError: when nothing says how large the fingertips are, or the grasp is none.
         ModelError: when the object came from no file, or the file cannot be read again.
     """
-    scene = make_scene(object_, grasp, tip_radius, package_paths)
-    proof = prove(grasp)
-    mathematics = _exact(grasp, internal_force, proof), _convex(proof)
+    contacts = grasp_of(grasp)
+    if internal_force is None and not isinstance(grasp, Grasp):
+        internal_force = grasp.certificate.internal_force
+    scene = make_scene(object_, contacts, _tip_radius(grasp, tip_radius), package_paths)
+    proof = prove(contacts)
+    mathematics = _exact(contacts, internal_force, proof), _convex(proof)
     geometry = _geometry(scene)
     settings: dict[str, Any] = {
         "drake": metadata.version("drake"),
@@ -130,6 +117,19 @@ def certify_in_plant(
         trace,
         plan.labels,
     )
+
+
+def _tip_radius(grasp: AnyGrasp, asked: float | None) -> float:
+    """The fingertips' radius [m]: as asked for, or else of the plan that the grasp is from."""
+    radius = asked
+    if radius is None and not isinstance(grasp, Grasp):
+        radius = grasp.tip_radius
+    if radius is None:
+        raise UsageError(
+            "nothing says how large the fingertips are: give tip_radius [m], or a grasp of "
+            "plan_grasps, which brings it"
+        )
+    return float(radius)
 
 
 def _exact(grasp: Grasp, internal_force: Array | None, proof: Proof) -> PlantVerdict:

@@ -27,6 +27,7 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.holding import Holding, spare_friction
 from drake_polygrasp.certification.scratch_plant import Scene, add_pads, add_tip
 from drake_polygrasp.certification.wrench_space import GRAVITY
+from drake_polygrasp.plant_verdicts import HeldWeight
 
 TOLERANCE = 1e-6
 """Ours: what may stay unbalanced, times the weight; what SNOPT aims at, times the weight and, for
@@ -34,17 +35,9 @@ torques, rho."""
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium:
-    """How the plant holds the weight along one axis."""
+class Equilibrium(HeldWeight):
+    """How the plant holds the weight along one axis, and how far Drake's own forces do."""
 
-    weight_B: Array
-    """[N], shape (3,)."""
-    residual: float
-    """What the planned forces leave unbalanced, torques over rho, in units of the weight."""
-    p_BC: Array
-    """Where Drake's contact wrenches act [m], shape (3, 3); none, shape (0, 3), if it failed."""
-    f_Bc_B: Array
-    """The forces of Drake's contact wrenches on B [N], likewise."""
     drake_residual: float
     """What Drake's forces leave unbalanced; infinite if it failed."""
     drake_spare_friction: float

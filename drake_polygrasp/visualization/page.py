@@ -91,4 +91,6 @@ def _rows(grasp: AnyGrasp) -> list[tuple[Any, ...]]:
     ):
         if value is not None:
             rows.append((name, f"{value * scale:.3g}{unit}"))
+    if grasp.plant is not None:
+        rows.append(("in a plant", str(grasp.plant.verdict)))
     return rows
