@@ -1,7 +1,7 @@
-"""Whether fingertips touch the object just where and as a grasp says, by SceneGraph and the facets.
+"""Checks that fingertips touch the object exactly where a grasp says, by SceneGraph and the facets.
 
-SceneGraph measures distances from points to the true surface of every shape that it takes; between
-two shapes it would take a Mesh for its convex hull.
+Distances are those from points to the true surface of each shape; between two shapes SceneGraph
+would take a Mesh for its convex hull.
 """
 
 from __future__ import annotations
@@ -11,17 +11,19 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
+from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     CalcContactFrictionFromSurfaceProperties,
     CoulombFriction,
 )
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.scratch_plant import Scene, add_surface, add_tip
+from drake_polygrasp.certification.surface_distance import Nearest, SurfaceDistance
 from drake_polygrasp.geometry.polyhedron import ON_SURFACE
-from drake_polygrasp.geometry.seating import face_of
+from drake_polygrasp.geometry.seating import CRACK, face_of
 
 ROUNDING = 1e-9
 """Ours, relative: what a combination of friction coefficients may be off."""
@@ -34,21 +36,24 @@ class Fit(NamedTuple):
     """What the worst distance leaves of its tolerance [m]."""
     faults: tuple[str, ...]
     """What is wrong; nothing where the grasp fits."""
+    refusal: str = ""
+    """Why Drake did not measure a distance, which was then measured on triangles."""
 
 
 def check_geometry(scene: Scene) -> Fit:
-    """Hold contacts, normals, friction and room for the tips against the model.
+    """Checks contacts, normals, friction and room for the fingertips against the model.
 
     Every distance has the tolerance `ON_SURFACE` L.
+
+    Raises:
+        RuntimeError: when Drake takes a shape for no geometry, or SystemExit where it asserts so.
     """
-    diagram, surface, tips = _touching_diagram(scene)
-    plant, context = diagram.GetSubsystemByName("plant"), diagram.CreateDefaultContext()
-    query = plant.get_geometry_query_input_port().Eval(plant.GetMyContextFromRoot(context))
-    faults = [*_facet_faults(scene), *_friction_faults(scene, query.inspector(), surface, tips)]
+    surface = SurfaceDistance(scene.solid.parts)
     tolerance = ON_SURFACE * scene.object_.polyhedron.diameter
-    distances = list(_distances(scene, query, set(surface)))
-    faults += [fault for distance, fault in distances if distance > tolerance]
-    return Fit(tolerance - max(distance for distance, _ in distances), tuple(faults))
+    distances = list(_distances(scene, surface))
+    faults = [*_facet_faults(scene), *_friction_faults(scene)]
+    faults += [f"{fault} by {off:.2g} m" for off, fault in distances if off > tolerance]
+    return Fit(tolerance - max(off for off, _ in distances), tuple(faults), surface.refusal)
 
 
 def _facet_faults(scene: Scene) -> Iterator[str]:
@@ -64,23 +69,12 @@ def _facet_faults(scene: Scene) -> Iterator[str]:
         yield "a contact is on an edge of its face"
 
 
-def _touching_diagram(scene: Scene) -> tuple[Diagram, list[GeometryId], list[GeometryId]]:
-    """Object and tips where they are; the geometries of its surface and of the tips."""
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
+def _friction_faults(scene: Scene) -> Iterator[str]:
+    """Where Drake makes another coefficient of the pair than the contact's."""
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
     surface = add_surface(plant, plant.AddRigidBody("object", scene.solid.M_BBo_B), scene)
     tips = [add_tip(plant, plant.world_body(), scene, i, on_pad=False) for i in range(3)]
-    plant.Finalize()
-    return builder.Build(), surface, tips
-
-
-def _friction_faults(
-    scene: Scene,
-    inspector: SceneGraphInspector,
-    surface: list[GeometryId],
-    tips: list[GeometryId],
-) -> Iterator[str]:
-    """Where Drake makes another coefficient of the pair than the contact's."""
+    inspector: SceneGraphInspector = scene_graph.model_inspector()
 
     def friction(geometry: GeometryId) -> CoulombFriction:
         properties = inspector.GetProximityProperties(geometry)
@@ -94,22 +88,38 @@ def _friction_faults(
                     yield f"friction at contact {i} is {combined:.6g} in the plant, not {mu:.6g}"
 
 
-def _distances(
-    scene: Scene, query: QueryObject, surface: set[GeometryId]
-) -> Iterator[tuple[float, str]]:
-    """By how much SceneGraph finds each thing off [m], and what that would mean.
-
-    Measured from the tips' centres: on the surface the gradient of its distance is no normal.
-    """
-    inspector, radius, p_BT = query.inspector(), scene.tip_radius, scene.p_BT
-    for i, p_BC in enumerate(scene.grasp.p_BC):
-        found = query.ComputeSignedDistanceToPoint(p_BT[i])
-        near = min((n for n in found if n.id_G in surface), key=lambda n: n.distance)
-        p_BN = inspector.GetPoseInFrame(near.id_G).multiply(near.p_GN)
-        yield radius - near.distance, f"fingertip {i + 1} penetrates the object"
-        yield near.distance - radius, f"fingertip {i + 1} does not touch the object"
-        # Where a sphere touches a surface, its radius is the normal.
-        yield float(np.linalg.norm(p_BN - p_BC)), f"fingertip {i + 1} touches elsewhere"
+def _distances(scene: Scene, surface: SurfaceDistance) -> Iterator[tuple[float, str]]:
+    """By how much each thing is off [m], and what that would mean."""
+    radius, p_BT = scene.tip_radius, scene.p_BT
+    for i in range(3):
+        tip = surface.nearest(p_BT[i])
+        yield radius - tip.distance, f"fingertip {i + 1} penetrates the object"
+        yield tip.distance - radius, f"fingertip {i + 1} does not touch the object"
+        yield _off_contact(scene, surface, i, tip), f"fingertip {i + 1} touches elsewhere"
     for i, j in itertools.combinations(range(3), 2):
         apart = float(np.linalg.norm(p_BT[i] - p_BT[j]))
         yield 2 * radius - apart, f"fingertips {i + 1} and {j + 1} overlap"
+
+
+def _off_contact(scene: Scene, surface: SurfaceDistance, i: int, tip: Nearest) -> float:
+    """How far sideways of contact i a sphere that should touch there touches the surface [m].
+
+    The radius to where a sphere touches is the surface's normal. A fingertip on a noisy surface may
+    touch a second facet as well, as near to its centre as the contact's own to within the
+    tolerance; a smaller sphere touches the contact alone. What it is off grows with the radius, and
+    is returned as of the fingertip's. Nothing is measured on the surface itself, where Drake's
+    gradient of the distance is no normal.
+    """
+    p_BC, nhat_TB_B = scene.grasp.p_BC[i], scene.grasp.nhat_TB_B[i]
+    tolerance = ON_SURFACE * scene.object_.polyhedron.diameter
+    least = CRACK / 2 * scene.object_.polyhedron.diameter
+    radius, off = scene.tip_radius, _sideways(tip.p_BN - p_BC, nhat_TB_B)
+    while off > tolerance and radius / 2 >= least:
+        radius /= 2
+        near = surface.nearest(p_BC - radius * nhat_TB_B)
+        off = min(off, _sideways(near.p_BN - p_BC, nhat_TB_B) * scene.tip_radius / radius)
+    return off
+
+
+def _sideways(vector: Array, nhat: Array) -> float:
+    return float(np.linalg.norm(vector - (vector @ nhat) * nhat))

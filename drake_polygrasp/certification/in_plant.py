@@ -21,6 +21,7 @@ from pydrake.geometry import Meshcat
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact, simulation, statics
 from drake_polygrasp.certification.certify import Proof, prove
+from drake_polygrasp.certification.drake_calls import Refusal, ask_drake
 from drake_polygrasp.certification.geometry import check_geometry
 from drake_polygrasp.certification.holding import Holding, hold
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
@@ -99,22 +100,24 @@ def certify_in_plant(
         **simulation.settings(),
     }
     if geometry.verdict is Verdict.HOLDS:
-        plan = plan_loads(scene)
+        plan = _plan(scene)
     else:
-        plan = Obstacle(Verdict.UNDECIDED, "not run: the geometry does not hold")
+        said = "does not hold" if geometry.verdict is Verdict.FAILS else "is undecided"
+        plan = Obstacle(Verdict.UNDECIDED, f"not run: the geometry {said}")
     if isinstance(plan, Obstacle):
         rest = (
             PlantVerdict("statics", plan.verdict, None, "N", plan.reason),
             PlantVerdict("simulation", plan.verdict, None, "1", plan.reason),
         )
         return PlantReport((*mathematics, geometry, *rest), settings)
-    equilibria = statics.find_equilibria(scene, plan.weight)
-    trace = simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat)
+    equilibria = ask_drake(lambda: statics.find_equilibria(scene, plan.weight))
+    trace = ask_drake(lambda: simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat))
+    held = _statics(plan, equilibria), _simulation(scene, plan, trace)
     return PlantReport(
-        (*mathematics, geometry, _statics(plan, equilibria), _simulation(scene, plan, trace)),
+        (*mathematics, geometry, *held),
         settings | {"squeeze": plan.holding.squeeze},
-        equilibria,
-        trace,
+        () if isinstance(equilibria, Refusal) else equilibria,
+        None if isinstance(trace, Refusal) else trace,
         plan.labels,
     )
 
@@ -151,9 +154,17 @@ def _verdict(holds: bool) -> Verdict:
     return Verdict.HOLDS if holds else Verdict.FAILS
 
 
+def _undecided(name: str, unit: str, refusal: Refusal) -> PlantVerdict:
+    """What a check says that Drake refused to run."""
+    return PlantVerdict(name, Verdict.UNDECIDED, None, unit, f"Drake refuses it: {refusal.reason}")
+
+
 def _geometry(scene: Scene) -> PlantVerdict:
-    fit = check_geometry(scene)
-    reason = fit.faults[0] if fit.faults else ""
+    fit = ask_drake(lambda: check_geometry(scene))
+    if isinstance(fit, Refusal):
+        return _undecided("geometry", "m", fit)
+    reason = f"measured on triangles, for Drake refuses: {fit.refusal}" if fit.refusal else ""
+    reason = fit.faults[0] if fit.faults else reason
     return PlantVerdict("geometry", _verdict(not fit.faults), fit.margin, "m", reason)
 
 
@@ -210,6 +221,14 @@ def plan_loads(scene: Scene) -> LoadPlan | Obstacle:
     return LoadPlan(holding.f_Bc_B[0], holding.rows(slice(1, None)), LABELS)
 
 
+def _plan(scene: Scene) -> LoadPlan | Obstacle:
+    """`plan_loads`, or that Drake refuses to."""
+    plan = ask_drake(lambda: plan_loads(scene))
+    if isinstance(plan, Refusal):
+        return Obstacle(Verdict.UNDECIDED, f"not run: Drake plans no forces: {plan.reason}")
+    return plan
+
+
 def _has_inertia(solid: Solid) -> bool:
     """Whether the body resists turning about every axis, without which Drake moves nothing."""
     M = solid.M_BBo_B
@@ -217,7 +236,9 @@ def _has_inertia(solid: Solid) -> bool:
     return bool(min(central.CalcPrincipalMomentsOfInertia()) > 0)
 
 
-def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium]) -> PlantVerdict:
+def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium] | Refusal) -> PlantVerdict:
+    if isinstance(equilibria, Refusal):
+        return _undecided("statics", "N", equilibria)
     faults = [
         f"{label}: {equilibrium.fault}"
         for label, equilibrium in zip(plan.labels, equilibria, strict=False)
@@ -228,7 +249,9 @@ def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium]) -> Plant
     return PlantVerdict("statics", _verdict(not faults and spare > 0), spare, "N", reason)
 
 
-def _simulation(scene: Scene, plan: LoadPlan, trace: simulation.Trace) -> PlantVerdict:
+def _simulation(scene: Scene, plan: LoadPlan, trace: simulation.Trace | Refusal) -> PlantVerdict:
+    if isinstance(trace, Refusal):
+        return _undecided("simulation", "1", trace)
     outcome = simulation.judge(trace, len(plan.labels), scene.object_.polyhedron.diameter)
     reason = "" if scene.solid.is_hulls else "on pads"
     if outcome.lost is not None:

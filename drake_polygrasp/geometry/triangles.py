@@ -100,3 +100,30 @@ def point_triangle_distance(points: Array, triangles: Array) -> Array:
         on_sides = np.minimum(on_sides, np.sqrt(dot(nearest, nearest)))
     height = np.abs(dot(offset[0], normal))
     return np.where(inside, height / np.sqrt(np.where(square > 0, square, 1)), on_sides)
+
+
+def nearest_on_triangles(point: Array, triangles: Array) -> Array:
+    """Returns the point of each triangle that is nearest to one point.
+
+    Args:
+        point: [m], shape (3,).
+        triangles: [m], shape (T, 3, 3); those without area are segments or points.
+
+    Returns:
+        Points [m], shape (T, 3).
+    """
+    normal = cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    square = dot(normal, normal)
+    inside = square > 0
+    nearest, least = np.empty((len(triangles), 3)), np.full(len(triangles), np.inf)
+    for k in range(3):
+        tail, side = triangles[:, k], triangles[:, (k + 1) % 3] - triangles[:, k]
+        arm, length = point - tail, dot(side, side)
+        inside &= dot(cross(side, arm), normal) >= 0
+        along = np.clip(dot(side, arm) / np.where(length > 0, length, 1), 0, 1)
+        on_side = tail + along[:, None] * side
+        gap = dot(point - on_side, point - on_side)
+        nearest[gap < least] = on_side[gap < least]
+        least = np.minimum(least, gap)
+    height = dot(point - triangles[:, 0], normal) / np.where(square > 0, square, 1)
+    return np.where(inside[:, None], point - height[:, None] * normal, nearest)
