@@ -7,13 +7,23 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
-from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
+from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    InputPort,
+    LeafSystem,
+    ValueProducer,
+)
 
+from drake_polygrasp.arguments import check_instance, check_number, refuse
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.holding import HoldingProgram
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.grasp import Grasp, GraspObject
+from drake_polygrasp.grasp import AnyGrasp, GraspObject, grasp_of
+
+LOAD_PORT = "F_BBcm_W"
+"""The input port of the load."""
 
 
 class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not followed.
@@ -24,8 +34,9 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
 
     Input ports:
         - body_poses: the plant's output port of that name.
-        - load_W: force on the object [N] and torque about its centre of mass [N m], expressed in
-          W, size 6; the weight is part of it. Not connected, it is zero.
+        - F_BBcm_W: the load, a `SpatialForce` on body B at its centre of mass, expressed in W:
+          torque [N m] and force [N]; the weight is part of it. Not connected, it is zero. It is an
+          abstract value, so that torque and force cannot be taken for each other.
 
     Output ports:
         - applied_spatial_force: for the plant's input port of that name.
@@ -33,7 +44,11 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
     """
 
     def __init__(
-        self, object_: GraspObject, grasp: Grasp, squeeze: float, body_index: BodyIndex
+        self,
+        object_: GraspObject,
+        grasp: AnyGrasp,
+        squeeze: float,
+        body: RigidBody | BodyIndex,
     ) -> None:
         """Makes the system.
 
@@ -41,24 +56,27 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
             object_: what is grasped.
             grasp: three contacts, force closure.
             squeeze: total normal force [N].
-            body_index: of the object's body in the plant.
+            body: the object's body in the plant, or its index.
 
         Raises:
             UsageError: when the squeeze is not positive, or the contacts cannot squeeze.
         """
         super().__init__()
-        if not 0 < squeeze < np.inf:
-            raise UsageError(f"the squeeze is {squeeze}; it must be a force above 0 N")
-        self._grasp, self._squeeze, self._body_index = grasp, squeeze, body_index
-        self._program = HoldingProgram(grasp, object_.p_BBcm, object_.rho)
-        squeeze_f_B = self._program.forces(np.zeros(6), squeeze)
+        check_instance("object_", object_, GraspObject, "as load_object returns it")
+        self._grasp = grasp_of(grasp)
+        self._squeeze = check_number("squeeze", squeeze, "a force above 0 N", above=0.0)
+        self._body_index = _index_of(body)
+        self._program = HoldingProgram(self._grasp, object_.p_BBcm, object_.rho)
+        squeeze_f_B = self._program.forces(np.zeros(6), self._squeeze)
         if squeeze_f_B is None:
             raise UsageError("the contacts cannot squeeze: the grasp is not force closure")
         self._squeeze_f_B: Array = squeeze_f_B
         self._poses = self.DeclareAbstractInputPort(
             "body_poses", AbstractValue.Make([RigidTransform()])
         )
-        self._load = self.DeclareVectorInputPort("load_W", 6)
+        self._load = self.DeclareAbstractInputPort(
+            LOAD_PORT, AbstractValue.Make(SpatialForce.Zero())
+        )
         self._forces = self.DeclareCacheEntry(
             description="forces on B, expressed in B, and whether they hold the load",
             value_producer=ValueProducer(
@@ -73,14 +91,30 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
         )
         self.DeclareVectorOutputPort("holds", 1, self._calc_holds)
 
+    def GetInputPort(self, port_name: str) -> InputPort:
+        """Returns the input port of a name.
+
+        Raises:
+            UsageError: when there is none.
+        """
+        if port_name == "load_W":
+            raise UsageError(
+                f"the port 'load_W' is now '{LOAD_PORT}' and takes a SpatialForce, torque before "
+                "force, as Drake has it"
+            )
+        if port_name not in ("body_poses", LOAD_PORT):
+            raise refuse("port_name", port_name, f"'body_poses' or '{LOAD_PORT}'")
+        return super().GetInputPort(port_name)
+
     def _rotation(self, context: Context) -> Array:
         poses = self._poses.Eval(context)
         return np.asarray(poses[int(self._body_index)].rotation().matrix())
 
     def _calc_forces(self, context: Context, forces: AbstractValue) -> None:
-        load_W = self._load.Eval(context) if self._load.HasValue(context) else np.zeros(6)
-        load_B = load_W.reshape(2, 3) @ self._rotation(context)
-        f_Bc_B = self._program.forces(load_B.ravel(), self._squeeze)
+        load = self._load.Eval(context) if self._load.HasValue(context) else SpatialForce.Zero()
+        R_WB = self._rotation(context)
+        load_B = np.concatenate([load.translational() @ R_WB, load.rotational() @ R_WB])
+        f_Bc_B = self._program.forces(load_B, self._squeeze)
         holds = f_Bc_B is not None
         forces.set_value((f_Bc_B if holds else self._squeeze_f_B, holds))
 
@@ -98,3 +132,11 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
 
     def _calc_holds(self, context: Context, holds: BasicVector) -> None:
         holds.SetFromVector([float(self._forces.Eval(context)[1])])
+
+
+def _index_of(body: RigidBody | BodyIndex) -> BodyIndex:
+    if isinstance(body, RigidBody):
+        return body.index()
+    if isinstance(body, BodyIndex):
+        return body
+    raise refuse("body", body, "a body of the plant, or its index: plant.GetBodyByName(name)")

@@ -20,6 +20,7 @@ PURE = [
         PACKAGE / f"{name}.py"
         for name in (
             "errors",
+            "arguments",
             "vectors",
             "grasp",
             "plant_verdicts",
@@ -33,7 +34,7 @@ PURE = [
 ]
 ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
-    ("errors", "arrays", "vectors"),
+    ("errors", "arrays", "arguments", "vectors"),
     ("geometry", "wrench", "facet_lines", "epsilon_bound"),
     ("plant_verdicts", "grasp"),
     ("input_file", "plain_yaml", "loading"),

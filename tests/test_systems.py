@@ -4,33 +4,38 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 
 from drake_polygrasp import GraspForces, UsageError
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.scratch_plant import Scene
 from drake_polygrasp.certification.wrench_space import GRAVITY
 from tests.common import grasp
-from tests.plant_scenes import cube_grasp, model, top_scene
+from tests.plant_scenes import cube_grasp, model, top_grasp, top_scene
 
 X_WB = RigidTransform(RollPitchYaw(0.4, -0.7, 1.9), [0.1, 0.2, 0.3])
 
 
-def pose_after(scene: Scene, squeeze: float, load_W: Array) -> tuple[RigidTransform, bool]:
+def pose_after(
+    scene: Scene, squeeze: float, f: Array, tau: Array | None = None
+) -> tuple[RigidTransform, bool]:
     """Where the object is after half a second of gravity, and whether the forces held it."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
     body = plant.AddRigidBody("object", scene.solid.M_BBo_B)
     plant.Finalize()
-    forces = builder.AddSystem(GraspForces(scene.object_, scene.grasp, squeeze, body.index()))
-    load = builder.AddSystem(ConstantVectorSource(load_W))
+    forces = builder.AddSystem(GraspForces(scene.object_, scene.grasp, squeeze, body))
+    F_BBcm_W = SpatialForce(tau=np.zeros(3) if tau is None else tau, f=f)
+    load = builder.AddSystem(ConstantValueSource(AbstractValue.Make(F_BBcm_W)))
     builder.Connect(plant.get_body_poses_output_port(), forces.GetInputPort("body_poses"))
-    builder.Connect(load.get_output_port(), forces.GetInputPort("load_W"))
+    builder.Connect(load.get_output_port(), forces.GetInputPort("F_BBcm_W"))
     builder.Connect(
         forces.GetOutputPort("applied_spatial_force"), plant.get_applied_spatial_force_input_port()
     )
@@ -47,7 +52,7 @@ def pose_after(scene: Scene, squeeze: float, load_W: Array) -> tuple[RigidTransf
 def test_forces_that_hold_the_weight_leave_the_object_where_it_is() -> None:
     scene = top_scene("skewed_block")
     weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
-    pose, holds = pose_after(scene, 8 * weight, np.array([0, 0, -weight, 0, 0, 0]))
+    pose, holds = pose_after(scene, 8 * weight, np.array([0, 0, -weight]))
     assert holds
     assert pose.IsNearlyEqualTo(X_WB, 1e-9)
 
@@ -55,7 +60,7 @@ def test_forces_that_hold_the_weight_leave_the_object_where_it_is() -> None:
 def test_a_squeeze_that_is_not_told_of_the_weight_lets_it_fall() -> None:
     scene = top_scene("skewed_block")
     weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
-    pose, holds = pose_after(scene, 8 * weight, np.zeros(6))
+    pose, holds = pose_after(scene, 8 * weight, np.zeros(3))
     assert holds
     # Of the body's centre of mass, in free fall.
     fallen = X_WB.translation() - pose.translation()
@@ -66,7 +71,7 @@ def test_a_squeeze_that_is_not_told_of_the_weight_lets_it_fall() -> None:
 def test_a_squeeze_too_weak_for_the_weight_says_so() -> None:
     scene = top_scene("skewed_block")
     weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
-    _, holds = pose_after(scene, weight, np.array([0, 0, -weight, 0, 0, 0]))
+    _, holds = pose_after(scene, weight, np.array([0, 0, -weight]))
     assert not holds
 
 
@@ -77,3 +82,37 @@ def test_what_cannot_squeeze_is_refused() -> None:
         GraspForces(cube, one_face, 10.0, BodyIndex(1))
     with pytest.raises(UsageError, match="squeeze"):
         GraspForces(cube, cube_grasp(), 0.0, BodyIndex(1))
+
+
+def test_a_torque_is_borne_as_a_torque() -> None:
+    """A load of weight and torque: the forces' wrench about the centre of mass is its negative."""
+    scene = top_scene("skewed_block")
+    weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
+    f, tau = np.array([0.0, 0.0, -weight]), weight * scene.object_.rho * np.array([0.1, 0.05, -0.1])
+    forces = GraspForces(scene.object_, scene.grasp, 8 * weight, BodyIndex(1))
+    context = forces.CreateDefaultContext()
+    X_WB = RigidTransform(RollPitchYaw(0.4, -0.7, 1.9), [0.1, 0.2, 0.3])
+    forces.GetInputPort("body_poses").FixValue(context, [RigidTransform(), X_WB])
+    forces.GetInputPort("F_BBcm_W").FixValue(context, SpatialForce(tau=tau, f=f))
+    assert forces.GetOutputPort("holds").Eval(context)[0] == 1.0
+    applied = forces.GetOutputPort("applied_spatial_force").Eval(context)
+    f_W = np.array([force.F_Bq_W.translational() for force in applied])
+    arm_B = np.array([force.p_BoBq_B for force in applied]) - scene.object_.p_BBcm
+    arm_W = arm_B @ X_WB.rotation().matrix().T
+    np.testing.assert_allclose(f_W.sum(axis=0), -f, atol=1e-6 * weight)
+    np.testing.assert_allclose(
+        np.cross(arm_W, f_W).sum(axis=0), -tau, atol=1e-6 * weight * scene.object_.rho
+    )
+
+
+def test_force_and_torque_cannot_be_confused() -> None:
+    forces = GraspForces(model("cube"), top_grasp("cube")[0], 10.0, BodyIndex(1))
+    with pytest.raises(UsageError, match=r"now 'F_BBcm_W' and takes a SpatialForce"):
+        forces.GetInputPort("load_W")
+    with pytest.raises(UsageError, match="'body_poses' or 'F_BBcm_W'"):
+        forces.GetInputPort("load")
+    builder = DiagramBuilder()
+    builder.AddSystem(forces)
+    six = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
+    with pytest.raises(RuntimeError, match="vector-valued and abstract-valued"):
+        builder.Connect(six.get_output_port(), forces.GetInputPort("F_BBcm_W"))
