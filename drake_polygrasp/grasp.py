@@ -46,6 +46,8 @@ class ModelSource:
     patch_angle: float | None = None
     """What patches of its surface were asked for, as of `load_object`; None for the default."""
     patch_depth: float | None = None
+    links: tuple[str, ...] = ()
+    """The links that the model fixes to one another, when more than one; B is of `body_name`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,6 +56,8 @@ class StatedObject:
     patch_angle: float | None = None
     """What the model is loaded with, None for the default; see `load_object`."""
     patch_depth: float | None = None
+    links: tuple[str, ...] | None = None
+    """Those of a rigid body of several, None where the file names none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +231,8 @@ def _object_document(object_: GraspObject, source: ModelSource, folder: Path) ->
         }
     )
     asked = {"patch_angle": source.patch_angle, "patch_depth": source.patch_depth}
-    return document | {key: float(value) for key, value in asked.items() if value is not None}
+    document |= {key: float(value) for key, value in asked.items() if value is not None}
+    return document | ({"links": list(source.links)} if source.links else {})
 
 
 def _plain(value: Any) -> Any:
@@ -277,7 +280,17 @@ def _read_object(block: Block) -> StatedObject:
         num_faces=block.integer("num_faces"),
         patch_angle=_read_patch_tolerance(block, "patch_angle", below=math.pi / 2),
         patch_depth=_read_patch_tolerance(block, "patch_depth", below=math.inf),
+        links=_read_links(block),
     )
+
+
+def _read_links(block: Block) -> tuple[str, ...] | None:
+    if "links" not in block.data:
+        return None
+    links = block.items("links")
+    if len(links) < 2 or not all(isinstance(name, str) and name for name in links):
+        raise block.refuse("links", "a list of the names of two links or more")
+    return tuple(links)
 
 
 def _read_patch_tolerance(block: Block, key: str, below: float) -> float | None:

@@ -226,6 +226,10 @@ def _object_faults(stated: StatedObject, object_: GraspObject) -> Iterator[str]:
     num_faces = len(object_.polyhedron.faces)
     if stated.num_faces != num_faces:
         yield f"num_faces is {stated.num_faces}, the model has {num_faces}"
+    source = object_.source
+    links = [] if source is None else list(source.links or [source.body_name])
+    if stated.links is not None and sorted(stated.links) != sorted(links):
+        yield f"links are {list(stated.links)}, the model's are {links}"
     if not _close(stated.mass, object_.mass):
         yield f"mass is {stated.mass}, the model's is {object_.mass}"
     if not _close(stated.rho, object_.rho):

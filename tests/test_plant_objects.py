@@ -272,7 +272,7 @@ def test_a_friction_of_1_may_be_drakes_own_and_is_warned_of(tmp_path: Path) -> N
     assert {face.mu for face in filed.polyhedron.faces} == {0.3}
 
 
-def test_what_is_welded_to_the_body_is_an_obstacle_and_no_part_of_it() -> None:
+def test_what_is_welded_to_the_body_is_part_of_it_and_no_obstacle() -> None:
     def handle(plant: MultibodyPlant) -> None:
         body = plant.AddRigidBody("handle", plant.AddModelInstance("handle"), WOOD)
         plant.WeldFrames(plant.GetFrameByName("cube"), body.body_frame(), X_BH)
@@ -281,15 +281,14 @@ def test_what_is_welded_to_the_body_is_an_obstacle_and_no_part_of_it() -> None:
     X_BH = RigidTransform([0.05, 0.0, 0.0])
     scenery = world(CUBE, handle)
     object_ = object_from_plant(*scenery.asked)
-    assert object_.mass == pytest.approx(0.1512)
-    assert len(object_.polyhedron.faces) == 6
-    assert "welded to 'handle::handle'" in object_.warnings[0]
+    assert object_.mass == pytest.approx(1.1512)
+    assert object_.p_BBcm == pytest.approx([0.05 * 1.0 / 1.1512, 0.0, 0.0])
+    assert len(object_.polyhedron.primitives) == 1
+    assert "'cube', 'handle::handle' are fixed to one another" in object_.warnings[0]
     obstacles = obstacles_from_plant(*scenery.asked)
-    assert obstacles.names == ("handle::handle",)
-    assert obstacles.contain(np.array([[0.05, 0.0, 0.0], [0.0, 0.0, 0.0]])).tolist() == [
-        True,
-        False,
-    ]
+    assert obstacles.names == ()
+    with pytest.raises(ModelError, match=r"is not what .* has: the collision geometry differs"):
+        object_from_plant(*scenery.asked, model_file=CUBE)
 
 
 @pytest.mark.parametrize("function", [object_from_plant, obstacles_from_plant])

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.systems.framework import Context
 
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.errors import ModelError, UsageError
@@ -20,6 +21,7 @@ from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.model_statements import MAX_FRICTION
 from drake_polygrasp.loading.parsed_model import blaming
+from drake_polygrasp.loading.rigid_group import Collider, RigidGroup
 from drake_polygrasp.loading.shapes import part_of
 
 DEFAULT_MU = 0.3
@@ -36,10 +38,31 @@ class MassProperties(NamedTuple):
     """Centre of mass [m], shape (3,)."""
 
 
+def mass_properties(group: RigidGroup, context: Context) -> MassProperties | None:
+    """Of all links together, by the plant's context; None where they have no mass."""
+    M_BBo_B = group.spatial_inertia(context)
+    if not 0 < M_BBo_B.get_mass() < np.inf:
+        return None
+    return MassProperties(M_BBo_B.get_mass(), M_BBo_B.get_com())
+
+
 def check_friction(mu: float | None, where: str) -> None:
     """Raises UsageError for a friction that somebody gave and nobody can have."""
     if mu is not None and not 0 < mu <= MAX_FRICTION:
         raise UsageError(f"the friction given for {where} is {mu}; {_FRICTION}")
+
+
+def describe_group(group: RigidGroup, where: str) -> Iterator[str]:
+    """What there is to say of links that are fixed to one another or to the world."""
+    if len(group.links) > 1:
+        names = ", ".join(f"'{name}'" for name in group.names)
+        yield (
+            f"{where}: {names} are fixed to one another and make one rigid body, in the frame of "
+            f"'{group.body.name()}'"
+        )
+    if group.tied_by:
+        joints = ", ".join(f"'{name}'" for name in group.tied_by)
+        yield f"{where}: joined to the world ({joints}), it is planned as if it were free"
 
 
 def stated_friction(
@@ -73,21 +96,21 @@ def lesser_friction(
 
 def collision_surface(
     inspector: SceneGraphInspector,
-    geometries: Sequence[GeometryId],
+    colliders: Sequence[Collider],
     friction: Sequence[float],
     where: str,
     patch_angle: float | None,
     patch_depth: float | None,
 ) -> Polyhedron:
-    """The exposed surface of a body's collision geometries, each with its friction.
+    """The exposed surface of a rigid body's collision geometries, each with its friction.
 
     Raises ModelError, naming `where`, when that is nothing to hold.
     """
     parts: list[Part] = []
-    for geometry, mu in zip(geometries, friction, strict=True):
+    for (geometry, X_BG, _), mu in zip(colliders, friction, strict=True):
         shape = inspector.GetShape(geometry)
         with blaming(where):
-            part = part_of(shape, inspector.GetPoseInFrame(geometry), mu)
+            part = part_of(shape, X_BG, mu)
         if part is None:
             raise ModelError(
                 f"{where}: collision geometry '{inspector.GetName(geometry)}' is a "

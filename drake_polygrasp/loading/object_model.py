@@ -8,31 +8,33 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
-from pydrake.geometry import GeometryId, SceneGraphInspector, Shape
+from pydrake.geometry import SceneGraphInspector, Shape
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody, SpatialInertia
 
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.body_object import (
     DEFAULT_MU,
-    MassProperties,
     check_friction,
     collision_surface,
+    describe_group,
     lesser_friction,
+    mass_properties,
     object_of,
     stated_friction,
 )
-from drake_polygrasp.loading.model_source import is_uri
+from drake_polygrasp.loading.model_source import ModelFiles, is_uri
 from drake_polygrasp.loading.model_statements import Statements, read_statements
 from drake_polygrasp.loading.parsed_model import parse_model
+from drake_polygrasp.loading.rigid_group import Collider, RigidGroup
 from drake_polygrasp.loading.shapes import is_hull
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A body as its model has it."""
+    """A rigid body as its model has it, all its links together."""
 
     M_BBo_B: SpatialInertia
     """About Bo, expressed in B."""
@@ -51,86 +53,119 @@ def load_object(
     patch_angle: float | None = None,
     patch_depth: float | None = None,
 ) -> GraspObject:
-    """Load the body to grasp from a file that Drake's Parser reads.
+    """Load the rigid body to grasp from a file that Drake's Parser reads.
+
+    Links that the model fixes to one another are one rigid body: surface, friction, mass and centre
+    of mass are those of all of them, in the frame of the link that `body_name` names.
 
     `model_file` is a path or a package:// URI. Packages are searched below `package_paths` and
-    in the folders above the model file. `body_name` may be left out when just one body has
-    collision geometry; `model::body` tells bodies of one name apart. `mu` replaces the friction
-    of the model, which is else the lesser of each geometry's static and dynamic coefficients:
-    in discrete time Drake's bodies slide at the dynamic one. Surfaces of very many facets become
-    patches whose normals lean by at most `patch_angle` [rad] (default: 12 degrees) and whose
-    facets lie about `patch_depth` [m] (default: 0.005 of the diameter) off a plane.
+    in the folders above the model file. `body_name` may be left out when just one rigid body has
+    collision geometry, and B is then the frame of its base link; `model::body` tells bodies of one
+    name apart. `mu` replaces the friction of the model, which is else the lesser of each geometry's
+    static and dynamic coefficients: in discrete time Drake's bodies slide at the dynamic one.
+    Surfaces of very many facets become patches whose normals lean by at most `patch_angle` [rad]
+    (default: 12 degrees) and whose facets lie about `patch_depth` [m] (default: 0.005 of the
+    diameter) off a plane.
 
     Raises ModelError when a file is missing or malformed, the body cannot be told, or its
     collision geometry is nothing to hold; UsageError when `mu` is not above 0 or a patch cannot
     be as asked for.
     """
     check_friction(mu, str(model_file))
-    files, plant, scene_graph, body, warnings = parse_model(model_file, body_name, package_paths)
-    statements = read_statements(files.documents, body.name())
-    where = f"{files.model_file}: body '{body.name()}'"
-    inspector = scene_graph.model_inspector()
-    geometries = plant.GetCollisionGeometriesForBody(body)
+    parsed = parse_model(model_file, body_name, package_paths)
+    files, group, warnings = parsed.files, parsed.group, parsed.warnings
+    where = f"{files.model_file}: body '{group.body.name()}'"
+    warnings += describe_group(group, where)
+    inspector = parsed.scene_graph.model_inspector()
+    colliders = group.colliders(parsed.plant, inspector)
+    links = _statements(files, group, colliders)
     if mu is None:
-        friction, assumed = _friction(inspector, geometries, statements, where)
+        friction, assumed = _friction(inspector, links, where)
         warnings += assumed
     else:
-        friction = [mu] * len(geometries)
-    polyhedron = collision_surface(inspector, geometries, friction, where, patch_angle, patch_depth)
-    has_mass = statements.mass and body.default_mass() > 0
+        friction = [mu] * len(colliders)
+    polyhedron = collision_surface(inspector, colliders, friction, where, patch_angle, patch_depth)
     source = ModelSource(
         model_file=model_file if is_uri(model_file) else files.model_file.absolute(),
         sha256=files.sha256,
-        model_name=plant.GetModelInstanceName(body.model_instance()),
-        body_name=body.name(),
+        model_name=parsed.plant.GetModelInstanceName(group.body.model_instance()),
+        body_name=group.body.name(),
         patch_angle=patch_angle,
         patch_depth=patch_depth,
+        links=group.names if len(group.links) > 1 else (),
     )
-    stated = _mass(plant, body) if has_mass else None
+    unstated = [group.name_of(link.body) for link in links if not link.has_mass]
+    if unstated and len(unstated) < len(group.links):
+        names = ", ".join(f"'{name}'" for name in unstated)
+        warnings.append(f"{where}: its mass is unknown, for the model states none of {names}")
+    stated = None if unstated else mass_properties(group, parsed.context)
     return object_of(polyhedron, stated, where, warnings, source)
 
 
 def load_solid(source: ModelSource, package_paths: Sequence[str | Path] = ()) -> Solid:
-    """The body that an object came from, read again, for plants of our own.
+    """The rigid body that an object came from, read again, for plants of our own.
 
     Raises ModelError as `load_object` does.
     """
     body_name = f"{source.model_name}::{source.body_name}"
-    _, plant, scene_graph, body, _ = parse_model(source.model_file, body_name, package_paths)
-    inspector = scene_graph.model_inspector()
+    parsed = parse_model(source.model_file, body_name, package_paths)
+    inspector = parsed.scene_graph.model_inspector()
     parts = tuple(
-        (inspector.GetShape(geometry).Clone(), inspector.GetPoseInFrame(geometry))
-        for geometry in plant.GetCollisionGeometriesForBody(body)
+        (inspector.GetShape(geometry).Clone(), X_BG)
+        for geometry, X_BG, _ in parsed.group.colliders(parsed.plant, inspector)
     )
     return Solid(
-        body.default_spatial_inertia(),
+        parsed.group.spatial_inertia(parsed.context),
         parts,
         all(is_hull(shape) for shape, _ in parts),
     )
 
 
+class _StatedLink(NamedTuple):
+    """A link of a rigid body and what its files state of it."""
+
+    body: RigidBody
+    colliders: tuple[Collider, ...]
+    statements: Statements
+
+    @property
+    def has_mass(self) -> bool:
+        """Whether its mass is stated; a link that is but a frame, without mass, needs none."""
+        mass = self.body.default_mass()
+        return (self.statements.mass and mass > 0) or (mass == 0 and not self.colliders)
+
+
+def _statements(
+    files: ModelFiles, group: RigidGroup, colliders: Sequence[Collider]
+) -> list[_StatedLink]:
+    return [
+        _StatedLink(
+            link.body,
+            tuple(c for c in colliders if c.link.index() == link.body.index()),
+            read_statements(files.documents, link.body.name()),
+        )
+        for link in group.links
+    ]
+
+
 def _friction(
-    inspector: SceneGraphInspector,
-    geometries: list[GeometryId],
-    statements: Statements,
-    where: str,
+    inspector: SceneGraphInspector, links: Sequence[_StatedLink], where: str
 ) -> tuple[list[float], list[str]]:
-    """The coefficient of each geometry, and what was assumed of it."""
+    """The coefficient of each collider, and what was assumed of it."""
     friction: list[float] = []
     warnings: list[str] = []
-    for k, geometry in enumerate(geometries):
-        pair = stated_friction(inspector, geometry)
-        # Drake's default; only the file can tell whether it was meant.
-        if pair is None or (pair == (1, 1) and not statements.state_friction(k, len(geometries))):
-            friction.append(DEFAULT_MU)
-            warnings.append(f"{where} states no friction; {DEFAULT_MU} is assumed")
-        else:
-            mu, said = lesser_friction(*pair, inspector.GetName(geometry), where)
-            friction.append(mu)
-            warnings += said
+    for link, colliders, statements in links:
+        it = where if len(links) == 1 else f"{where}: link '{link.name()}'"
+        for k, (geometry, _, _) in enumerate(colliders):
+            pair = stated_friction(inspector, geometry)
+            # Drake's default; only the file can tell whether it was meant.
+            if pair is None or (
+                pair == (1, 1) and not statements.state_friction(k, len(colliders))
+            ):
+                friction.append(DEFAULT_MU)
+                warnings.append(f"{it} states no friction; {DEFAULT_MU} is assumed")
+            else:
+                mu, said = lesser_friction(*pair, inspector.GetName(geometry), where)
+                friction.append(mu)
+                warnings += said
     return friction, warnings
-
-
-def _mass(plant: MultibodyPlant, body: RigidBody) -> MassProperties:
-    context = plant.CreateDefaultContext()
-    return MassProperties(body.get_mass(context), body.CalcCenterOfMassInBodyFrame(context))

@@ -13,23 +13,27 @@ from pydrake.geometry import Mesh, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import PackageMap, Parser
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody, SpatialInertia
+from pydrake.multibody.tree import RigidBody, SpatialInertia
+from pydrake.systems.framework import Context
 
 from drake_polygrasp.errors import ModelError, PolygraspError
 from drake_polygrasp.loading.mesh_file import check_mesh_file
 from drake_polygrasp.loading.model_source import ModelFiles, find_packages, locate, read_model_files
+from drake_polygrasp.loading.rigid_group import RigidGroup, find_group, rigid_bodies
 
 MAX_REASON = 400
 """Of Drake's words on a file, ours: it may quote the whole file."""
 
 
 class ParsedModel(NamedTuple):
-    """What a model file holds, the body that was asked for, and what Drake warned of."""
+    """What a model file holds, the rigid body that was asked for, and what Drake warned of."""
 
     files: ModelFiles
     plant: MultibodyPlant
     scene_graph: SceneGraph
-    body: RigidBody
+    context: Context
+    """The plant's own, with the model's defaults."""
+    group: RigidGroup
     warnings: list[str]
 
 
@@ -47,7 +51,9 @@ def parse_model(
     with _drake_warnings() as warnings, blaming(files.model_file):
         plant, scene_graph = _parse(files.model_file, packages)
     body = _choose_body(plant, body_name, files.model_file)
-    return ParsedModel(files, plant, scene_graph, body, warnings)
+    context = plant.CreateDefaultContext()
+    group = find_group(plant, body, context)
+    return ParsedModel(files, plant, scene_graph, context, group, warnings)
 
 
 @contextmanager
@@ -117,24 +123,36 @@ def _add_surface(plant: MultibodyPlant, mesh_file: Path) -> None:
 
 
 def _choose_body(plant: MultibodyPlant, name: str | None, model_file: Path) -> RigidBody:
-    bodies = [plant.get_body(BodyIndex(k)) for k in range(1, plant.num_bodies())]
+    """The link of that name on a rigid body that can be held, or the base link of the only one."""
+    groups = rigid_bodies(plant)
+    bodies = [body for group in groups for body in group]
     if name is not None:
         named = [body for body in bodies if name in (body.name(), str(body.scoped_name()))]
         if not named:
             raise ModelError(f"no body '{name}' in {model_file}; it has {_names(bodies)}")
         bodies = named
-    solid = [body for body in bodies if plant.GetCollisionGeometriesForBody(body)]
+        groups = [group for group in groups if any(body in group for body in named)]
+    solid = [group for group in groups if any(_is_solid(plant, body) for body in group)]
     if not solid:
         raise ModelError(
             f"{model_file}: no collision geometry on {_names(bodies) or 'any body'}; "
             "a grasp needs what fingers can touch"
         )
-    if len(solid) > 1:
+    chosen = [body for group in solid for body in group if body in bodies]
+    if name is None:
+        chosen = [group[0] for group in solid]
+    elif len(chosen) > 1:
+        chosen = [body for body in chosen if _is_solid(plant, body)] or chosen
+    if len(chosen) > 1:
         raise ModelError(
-            f"{model_file} has several bodies to grasp: {_names(solid)}; "
+            f"{model_file} has several bodies to grasp: {_names(chosen)}; "
             "name one of them (body_name, --body)"
         )
-    return solid[0]
+    return chosen[0]
+
+
+def _is_solid(plant: MultibodyPlant, body: RigidBody) -> bool:
+    return bool(plant.GetCollisionGeometriesForBody(body))
 
 
 def _names(bodies: list[RigidBody]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.geometry import SceneGraphInspector
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context
@@ -17,15 +17,17 @@ from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Polyhedron
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.body_object import (
     DEFAULT_MU,
-    MassProperties,
     check_friction,
     collision_surface,
+    describe_group,
     lesser_friction,
+    mass_properties,
     object_of,
     stated_friction,
 )
 from drake_polygrasp.loading.live_plant import describe, query_of
 from drake_polygrasp.loading.object_model import load_object
+from drake_polygrasp.loading.rigid_group import Collider, find_group
 
 _ROUNDING = 1e-9
 """Ours, relative: the same body by file and by code."""
@@ -52,8 +54,8 @@ def object_from_plant(
 
     Args:
         plant: finalized, and connected to a SceneGraph in a diagram.
-        body: what to grasp: its own collision geometry, not that of bodies welded to it, which
-            are obstacles.
+        body: what to grasp, whose frame is B; bodies welded to it, but not through the world, are
+            part of it.
         context: the plant's, from the diagram's; its parameters state mass and centre of mass.
         model_file: the file that the body came from, a path or a package:// URI. It is needed to
             write a grasp file, which names its model; without it, `source` is None. The object is
@@ -73,17 +75,14 @@ def object_from_plant(
     inspector = query_of(plant, body, context).inspector()
     where = describe(body)
     check_friction(mu, where)
-    geometries = [
-        geometry
-        for geometry in plant.GetCollisionGeometriesForBody(body)
-        if inspector.GetProximityProperties(geometry) is not None
-    ]
-    if not geometries:
+    group = find_group(plant, body, context)
+    colliders = group.colliders(plant, inspector)
+    if not colliders:
         raise ModelError(f"{where} has no collision geometry; a grasp needs what fingers can touch")
-    friction, warnings = _friction(inspector, geometries, mu, where)
-    surface = collision_surface(inspector, geometries, friction, where, patch_angle, patch_depth)
-    warnings += _welded(plant, body, where)
-    live = object_of(surface, _mass(body, context), where, warnings, None)
+    friction, warnings = _friction(inspector, colliders, mu, where)
+    surface = collision_surface(inspector, colliders, friction, where, patch_angle, patch_depth)
+    warnings += describe_group(group, where)
+    live = object_of(surface, mass_properties(group, context), where, warnings, None)
     if model_file is None:
         return live
     filed = load_object(
@@ -101,16 +100,16 @@ def object_from_plant(
 
 def _friction(
     inspector: SceneGraphInspector,
-    geometries: Sequence[GeometryId],
+    colliders: Sequence[Collider],
     mu: float | None,
     where: str,
 ) -> tuple[list[float], list[str]]:
     """The coefficient of each geometry, and what there is to say of it."""
     if mu is not None:
-        return [mu] * len(geometries), []
+        return [mu] * len(colliders), []
     friction: list[float] = []
     warnings: list[str] = []
-    for geometry in geometries:
+    for geometry, _, _ in colliders:
         name, pair = inspector.GetName(geometry), stated_friction(inspector, geometry)
         if pair is None:
             friction.append(DEFAULT_MU)
@@ -125,21 +124,6 @@ def _friction(
                 "states none; give mu to plan with less"
             )
     return friction, warnings
-
-
-def _mass(body: RigidBody, context: Context) -> MassProperties | None:
-    mass = body.get_mass(context)
-    if not 0 < mass < np.inf:
-        return None
-    return MassProperties(mass, body.CalcCenterOfMassInBodyFrame(context))
-
-
-def _welded(plant: MultibodyPlant, body: RigidBody, where: str) -> list[str]:
-    others = [other for other in plant.GetBodiesWeldedTo(body) if other.index() != body.index()]
-    if not others:
-        return []
-    names = ", ".join(f"'{other.scoped_name()}'" for other in others)
-    return [f"{where} is welded to {names}; neither mass nor surface of these is counted"]
 
 
 def _differences(live: GraspObject, filed: GraspObject) -> Iterator[str]:

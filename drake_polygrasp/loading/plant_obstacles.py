@@ -20,6 +20,7 @@ from drake_polygrasp.geometry.shells import oriented_shells, weld
 from drake_polygrasp.geometry.surface import Part
 from drake_polygrasp.loading.live_plant import describe, query_of
 from drake_polygrasp.loading.parsed_model import blaming
+from drake_polygrasp.loading.rigid_group import find_group
 from drake_polygrasp.loading.shapes import part_of
 
 Ignored: TypeAlias = RigidBody | ModelInstanceIndex | GeometryId
@@ -35,7 +36,8 @@ def obstacles_from_plant(
 ) -> Obstacles:
     """What stands around a body, at the poses in the context.
 
-    All collision geometry of the scene but the body's own counts, that of bodies welded to it too.
+    All collision geometry of the scene counts but the body's own and that of bodies welded to it,
+    which are part of it unless the world is between.
     A Mesh is its true surface, as in Drake's signed distance to a point, and not its convex hull.
 
         obstacles = obstacles_from_plant(plant, body, context, ignore=[gripper_model])
@@ -59,8 +61,8 @@ def obstacles_from_plant(
     inspector = query.inspector()
     body_frame = plant.GetBodyFrameIdOrThrow(body.index())
     X_WB = query.GetPoseInWorld(body_frame)
-    own = inspector.GetGeometries(body_frame, Role.kProximity)
-    corners = [_corners_B(inspector, g, inspector.GetPoseInFrame(g)) for g in own]
+    own = find_group(plant, body, context).colliders(plant, inspector)
+    corners = [_corners_B(inspector, geometry, X_BG) for geometry, X_BG, _ in own]
     bounded = [c for c in corners if c is not None]
     if not bounded:
         raise ModelError(f"{describe(body)} has no collision geometry that fingers can hold")
@@ -71,7 +73,7 @@ def obstacles_from_plant(
         raise UsageError(f"reach is {reach}; it must be a length in metres, 0 or more")
 
     parts: dict[GeometryId, Part] = {}
-    for geometry in _others(plant, query, own, ignore):
+    for geometry in _others(plant, query, {collider.geometry for collider in own}, ignore):
         part = _part(query, geometry, X_WB, (low - reach, high + reach))
         if part is not None:
             parts[geometry] = part
