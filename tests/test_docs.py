@@ -152,7 +152,13 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     obstacles = Obstacles(RigidTransform(), ("table",), table, np.array([False]), (), reach=2.0)
     plan = plan_grasps(cube, top=1, obstacles=obstacles)
     save_grasps(around, cube, plan.grasps, plan.settings)
-    return [yaml.safe_load(path.read_text()) for path in (checked, around)]
+    stack = folder / "stack.urdf"
+    block = '<link name="{}"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'
+    weld = '<joint name="j" type="fixed"><parent link="low"/><child link="high"/></joint>'
+    stack.write_text(f'<robot name="r">{block.format("low")}{block.format("high")}{weld}</robot>')
+    welded = folder / "welded.yaml"
+    assert main(["plan", str(stack), "--top", "1", "-o", str(welded)]) == 0
+    return [yaml.safe_load(path.read_text()) for path in (checked, around, welded)]
 
 
 def test_every_key_that_is_written_is_described_and_no_other(
