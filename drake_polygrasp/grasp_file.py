@@ -20,6 +20,7 @@ import yaml
 
 from drake_polygrasp import __version__
 from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.digits import unit_digits
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.grasp import (
     CertifiedGrasp,
@@ -157,12 +158,13 @@ def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:
     if isinstance(certified, StatedGrasp):
         f_Bc_B = certified.f_Bc_B
     else:
-        f_Bc_B = edge_forces(grasp.p_BC[None], certificate.internal_force[None])[0]
+        x = certificate.internal_force
+        f_Bc_B = unit_digits(edge_forces(grasp.p_BC[None], x[None])[0])
     document: dict[str, Any] = {
         "kind": grasp.kind,
         "faces": grasp.faces,
         "contacts": [
-            {"p_BC": p_BC, "nhat_TB_B": nhat_TB_B, "mu": mu, "f_Bc_B": frozen(f_B)}
+            {"p_BC": p_BC, "nhat_TB_B": nhat_TB_B, "mu": mu, "f_Bc_B": f_B}
             for p_BC, nhat_TB_B, mu, f_B in zip(
                 grasp.p_BC, grasp.nhat_TB_B, grasp.mu, f_Bc_B, strict=True
             )

@@ -22,6 +22,7 @@ PURE = [
             "errors",
             "arguments",
             "vectors",
+            "digits",
             "grasp",
             "plant_verdicts",
             "wrench",
@@ -34,7 +35,7 @@ PURE = [
 ]
 ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
-    ("errors", "arrays", "arguments", "vectors"),
+    ("errors", "arrays", "arguments", "vectors", "digits"),
     ("geometry", "wrench", "facet_lines", "epsilon_bound"),
     ("plant_verdicts", "grasp"),
     ("input_file", "plain_yaml", "loading"),

@@ -22,6 +22,7 @@ from drake_polygrasp.certification.wrench_space import (
     squeeze_force,
     tilt_tolerance,
 )
+from drake_polygrasp.digits import EXACT, at_least, at_most
 from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, Verdict
 
 
@@ -66,7 +67,7 @@ def _judge(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> Proof:
     contacts = p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist()
     check, margin = exact.prove(*contacts, x.tolist())
     if check.ok:
-        return Proof(Verdict.HOLDS, internal_force=frozen(x), margin=margin)
+        return Proof(Verdict.HOLDS, internal_force=frozen(x), margin=at_most(margin, EXACT))
     presumed = exact.check_contacts(*contacts)
     if not presumed.ok:
         return Proof(Verdict.FAILS, presumed.reason)
@@ -112,16 +113,21 @@ def certify(
     contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
     mu_min, mu_min_internal_force = least_friction(*contacts, proof.internal_force)
     epsilon = epsilon or epsilon_interval(*contacts, p_BBcm, rho)
+    lower, upper = at_most(epsilon.lower), at_least(epsilon.upper)
+    placement = placement_tolerance(lower, grasp.mu, rho, edge_distance)
+    tilt = tilt_tolerance(lower, grasp.p_BC, grasp.mu, p_BBcm, rho)
+    friction = friction_tolerance(lower, grasp.p_BC, grasp.mu, p_BBcm, rho)
+    squeeze = None if mass is None else squeeze_force(*contacts, p_BBcm, rho, mass)
     certificate = Certificate(
         internal_force=proof.internal_force,
         margin=proof.margin,
         mu_min=mu_min,
         mu_min_internal_force=mu_min_internal_force,
-        epsilon_lower=epsilon.lower,
-        epsilon_upper=epsilon.upper,
-        placement_tolerance=placement_tolerance(epsilon.lower, grasp.mu, rho, edge_distance),
-        tilt_tolerance=tilt_tolerance(epsilon.lower, grasp.p_BC, grasp.mu, p_BBcm, rho),
-        friction_tolerance=friction_tolerance(epsilon.lower, grasp.p_BC, grasp.mu, p_BBcm, rho),
-        squeeze_force=None if mass is None else squeeze_force(*contacts, p_BBcm, rho, mass),
+        epsilon_lower=lower,
+        epsilon_upper=upper,
+        placement_tolerance=at_most(placement),
+        tilt_tolerance=at_most(tilt),
+        friction_tolerance=at_most(friction),
+        squeeze_force=None if squeeze is None else at_least(squeeze),
     )
     return CertifiedGrasp(grasp, certificate)

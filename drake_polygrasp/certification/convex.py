@@ -21,6 +21,7 @@ from drake_polygrasp.certification.exact import (
     check_escaping_twist,
     check_force_closure,
 )
+from drake_polygrasp.digits import at_least, significant
 from drake_polygrasp.wrench import contact_frames, contact_triangle, edge_forces
 
 MU_FLOOR = 1e-4
@@ -31,8 +32,10 @@ _MAX_STEPS = 50
 """Ours: 2 to 5 are usual; the friction falls at every step."""
 _ROOM = 1.1e-9
 """Ours: a little more than the exact check asks for, so that rounding does not matter."""
-_RESOLVED_DIGITS = 9
-"""Ours: Clarabel stops at 1e-8; further digits of its solutions are noise."""
+_RESOLVED_DIGITS = 6
+"""Ours: Clarabel stops when its optimum is known to 1e-8; of where it is fewer digits are."""
+_TWIST_DIGITS = 9
+"""Ours: an escaping twist may have no room, and what stands for 0 in it must be 0."""
 _ZEROS, _ONE = np.zeros(3), np.ones(1)
 
 
@@ -99,10 +102,13 @@ def _edge_rows(p_BC: Array, nhat_TB_B: Array) -> tuple[Array, Array]:
 
 
 def _printable(x: Array, rows: Array, size: Array) -> Array:
-    """The x [1/m] of the triangles as they are, from unit size: normal forces of sum 1, (M, 3)."""
+    """The x [1/m] of the triangles as they are, from unit size: normal forces of sum 1, (M, 3).
+
+    What `_RESOLVED_DIGITS` are of is the share of each; their sum has `digits.EXACT`.
+    """
     rounded = np.round(x / np.abs(x).max(axis=1, keepdims=True), _RESOLVED_DIGITS)
     push = (rows[:, :, 0].sum(axis=1) * rounded).sum(axis=1)
-    return frozen(rounded / (push * size)[:, None])
+    return frozen(significant(rounded / (push * size)[:, None]))
 
 
 def find_internal_forces(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Array:
@@ -166,7 +172,7 @@ def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[
         if is_last:
             break
         tried = mu_min
-    mu_min = mu_min if mu_min > MU_FLOOR else 0.0
+    mu_min = min(at_least(mu_min), greatest) if mu_min > MU_FLOOR else 0.0
     contacts = p_BC.tolist(), nhat_TB_B.tolist(), friction_at(mu, mu_min).tolist()
     is_proved = check_force_closure(*contacts, witness.tolist()).ok
     return (mu_min, frozen(witness)) if is_proved else (greatest, frozen(x))
@@ -240,6 +246,6 @@ def _freest_twist(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Array | None:
     result = ClarabelSolver().Solve(program)
     if not result.is_success():
         return None
-    V = np.round(result.GetSolution(twist_s)[:6], _RESOLVED_DIGITS)
+    V = np.round(result.GetSolution(twist_s)[:6], _TWIST_DIGITS)
     omega = V[:3] / size[0]
     return np.concatenate([omega, V[3:] - np.cross(omega, p_BC.mean(axis=0))])

@@ -10,6 +10,7 @@ from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.systems.framework import Context
 
 from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.digits import on_grid, significant
 from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.polyhedron import (
     FLATNESS,
@@ -150,6 +151,7 @@ def object_of(
     if stated is None:
         said.append(f"{where} states no mass; its centre is taken to be that of the volume")
     mass, p_BBcm = stated or (None, volume_centroid(polyhedron))
+    p_BBcm = on_grid(p_BBcm, polyhedron.diameter)
     with np.errstate(all="ignore"):
         rho = farthest_distance(polyhedron, p_BBcm)
     if not np.isfinite(rho):
@@ -158,7 +160,7 @@ def object_of(
         polyhedron=polyhedron,
         mass=mass,
         p_BBcm=frozen(p_BBcm),
-        rho=rho,
+        rho=float(significant(np.array(rho))),
         source=source,
         warnings=tuple(dict.fromkeys(said)),
     )
