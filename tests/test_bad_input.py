@@ -213,11 +213,11 @@ def test_exit_code_2_and_one_message_that_names_the_fault(case: str, tmp_path: P
 
 ACCEPTED: dict[str, tuple[str, str, str]] = {
     "an open mesh": ("x.obj", obj(VERTICES, QUADS[1:]), "its surface is not closed"),
-    "an inside-out mesh": ("x.obj", obj(VERTICES, [turned(f) for f in QUADS]), "wound inward"),
+    "an inside-out mesh": ("x.obj", obj(VERTICES, [turned(f) for f in QUADS]), "face inward"),
     "mixed winding": (
         "x.obj",
         obj(VERTICES, [turned(f) if k % 2 else f for k, f in enumerate(QUADS)]),
-        "wound inward",
+        "face inward",
     ),
     "doubled triangles": ("x.obj", obj(VERTICES, 2 * QUADS), ""),
     "a mirrored mesh": (

@@ -86,6 +86,8 @@ class Polyhedron:
     """The curved solids among the parts; their triangles are inscribed in them."""
     cavities: Cavities | None = None
     """The rooms that the parts seal, whose walls are no faces; None when there are none."""
+    warnings: tuple[str, ...] = ()
+    """What was changed of the geometry's files, one sentence each."""
 
     @cached_property
     def is_patch(self) -> Bools:

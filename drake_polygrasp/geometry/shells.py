@@ -11,7 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.geometry.triangles import distinct
+from drake_polygrasp.geometry.triangle_soup import TriangleSoup
+from drake_polygrasp.geometry.triangles import distinct, unit_normals
+
+_JUST_OUTSIDE = 1e-4
+"""Times the size of a triangle, ours: where to look whether another shell is around it."""
 
 
 class Shells(NamedTuple):
@@ -25,6 +29,8 @@ class Shells(NamedTuple):
     """Whether each shell is watertight, shape (S,)."""
     simple: Bools
     """Whether no edge of each shell has more than two of its triangles, shape (S,)."""
+    turned: Bools
+    """Whether each triangle ran the other way as it was given, shape (T,)."""
 
 
 def weld(triangles: Array, tolerance: float) -> tuple[Array, Ints]:
@@ -104,7 +110,42 @@ def oriented_shells(vertices: Array, corners: Ints) -> Shells:
         shell=shell,
         closed=~_open_shells(corners, shell),
         simple=np.bincount(shell, weights=np.isin(np.arange(len(shell)), third // 3)) == 0,
+        turned=reverse ^ inward[shell],
     )
+
+
+def faces_inward(triangles: Array, tolerance: float) -> Bools:
+    """Returns which triangles of a mesh face into the solid that they bound, shape (T,).
+
+    The walls of a cavity, a shell within another one, face inward by right. Sheets that enclose
+    nothing have no inside.
+
+    Args:
+        triangles: shape (T, 3, 3) [m].
+        tolerance: coordinates that differ by less are one [m].
+    """
+    vertices, corners = weld(triangles, tolerance)
+    rows = np.flatnonzero((corners != np.roll(corners, 1, axis=1)).all(axis=1))
+    shells = oriented_shells(vertices, corners[rows])
+    inward = np.zeros(len(triangles), dtype=bool)
+    if not shells.turned.any():
+        return inward
+    turned = shells.turned
+    volume = np.bincount(shells.shell, _signed_volumes(vertices, shells.corners, shells.shell))
+    area = np.bincount(shells.shell, unit_normals(vertices[shells.corners])[1])
+    turned = turned & (volume > tolerance * area)[shells.shell]
+    inward[rows] = turned & ~_within_another(vertices[shells.corners], shells)[shells.shell]
+    return inward
+
+
+def _within_another(triangles: Array, shells: Shells) -> Bools:
+    """Which shells are within another one: just outside them is inside, shape (S,)."""
+    nhat, area = unit_normals(triangles)
+    order = np.lexsort((-area, shells.shell))
+    largest = order[np.flatnonzero(np.diff(shells.shell[order], prepend=-1))]
+    step = _JUST_OUTSIDE * np.sqrt(area[largest])[:, None] * nhat[largest]
+    closed = TriangleSoup(triangles[shells.closed[shells.shell]])
+    return closed.winding_numbers(triangles[largest].mean(axis=1) + step) > 0
 
 
 def _half_edges(corners: Ints) -> tuple[Ints, Bools]:

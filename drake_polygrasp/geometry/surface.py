@@ -46,6 +46,8 @@ class Part:
     mu: float
     primitive: Primitive | None = None
     """The curved solid that the triangles are inscribed in."""
+    warnings: tuple[str, ...] = ()
+    """What was changed of the geometry's file, one sentence each."""
 
 
 def curved_part(primitive: Primitive, mu: float) -> Part:
@@ -116,6 +118,7 @@ def build_polyhedron(
         closed=frozen(mesh.closed[mesh.shell], bool),
         primitives=primitives,
         cavities=cavities,
+        warnings=tuple(warning for part in parts for warning in part.warnings),
     )
 
 

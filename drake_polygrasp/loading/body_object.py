@@ -145,7 +145,7 @@ def object_of(
 
     Raises ModelError, naming `where`, when the centre of mass is beyond measure.
     """
-    said = list(warnings)
+    said = [*warnings, *polyhedron.warnings]
     if not polyhedron.watertight:
         said.append(f"{where}: its surface is not closed; what lies inside is a guess")
     if stated is None:

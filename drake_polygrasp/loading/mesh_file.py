@@ -6,16 +6,15 @@ coordinate that is no number silently becomes 0.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
+from drake_polygrasp.loading.numbers import floats, integers
+from drake_polygrasp.loading.obj_file import read_obj
 
 MAX_BYTES = 100_000_000
 MAX_TRIANGLES = 100_000
@@ -24,9 +23,6 @@ MAX_COORDINATE = 1e9
 """Ours [m, before scaling]: far beyond any object, and far from where squares overflow."""
 _MIN_COUNT = 4
 """Of vertices and of an OBJ's triangles: fewer enclose nothing."""
-_OBJ_JOINED_LINES_AND_COMMENTS = re.compile(rb"\\\r?\n|#[^\r\n]*")
-_OBJ_RECORDS = re.compile(rb"^[ \t]*([vf])[ \t]([^\r\n]*)", re.MULTILINE)
-_OBJ_TEXTURE_AND_NORMAL = re.compile(rb"/\S*")
 
 
 def check_mesh_file(mesh_file: Path) -> None:
@@ -47,27 +43,12 @@ def check_mesh_file(mesh_file: Path) -> None:
 def _check_obj(content: bytes) -> None:
     # Counted first, because what follows takes memory by the line.
     _check_count(content.count(b"\nf ") + content.count(b"\nf\t"))
-    records = _OBJ_RECORDS.findall(_OBJ_JOINED_LINES_AND_COMMENTS.sub(b" ", content))
-    coordinates = [line.split()[:3] for kind, line in records if kind == b"v"]
-    if any(len(row) < 3 for row in coordinates):
-        raise ValueError("a vertex has fewer than three coordinates")
-    _check_vertices(_floats([x for row in coordinates for x in row]).reshape(-1, 3))
-    faces = [
-        _OBJ_TEXTURE_AND_NORMAL.sub(b"", line).split() for kind, line in records if kind == b"f"
-    ]
-    sizes = np.array([len(face) for face in faces], dtype=np.int64)
-    if (sizes < 3).any():
-        raise ValueError("a face has fewer than three corners")
-    if (sizes - 2).sum() < _MIN_COUNT:
-        raise ValueError(f"a solid needs at least {_MIN_COUNT} triangles, it has {sum(sizes - 2)}")
-    _check_count(int((sizes - 2).sum()))
-    corners = _integers([corner for face in faces for corner in face])
-    kinds = np.array([kind == b"v" for kind, _ in records])
-    # A negative index counts back from the last vertex before its face.
-    known = np.repeat(np.cumsum(kinds)[~kinds], sizes)
-    wrong = (corners == 0) | (corners > len(coordinates)) | (corners < -known)
-    if wrong.any():
-        raise ValueError(f"a face names vertex {corners[np.argmax(wrong)]} of {len(coordinates)}")
+    obj = read_obj(content)
+    _check_vertices(obj.vertices)
+    num_triangles = int((np.diff(obj.offsets) - 2).sum())
+    if num_triangles < _MIN_COUNT:
+        raise ValueError(f"a solid needs at least {_MIN_COUNT} triangles, it has {num_triangles}")
+    _check_count(num_triangles)
 
 
 def _check_vtk(content: bytes) -> None:
@@ -78,7 +59,7 @@ def _check_vtk(content: bytes) -> None:
     start, (count,) = _section(words, b"POINTS", 1)
     _check_count(count)
     start += 1  # The data type's name.
-    coordinates = _floats(words[start : start + 3 * count])
+    coordinates = floats(words[start : start + 3 * count])
     if len(coordinates) < 3 * count:
         raise ValueError(f"it announces {count} points and has fewer")
     _check_vertices(coordinates.reshape(-1, 3))
@@ -88,9 +69,9 @@ def _check_vtk(content: bytes) -> None:
     _check_count(num_cells)
     if b"CONNECTIVITY" in words:
         start = words.index(b"CONNECTIVITY") + 2
-        corners = _integers(words[start : start + size])
+        corners = integers(words[start : start + size])
     else:
-        corners = _integers(words[start : start + size])
+        corners = integers(words[start : start + size])
         sizes = np.arange(len(corners)) % 5 == 0
         if len(corners) != 5 * num_cells or (corners[sizes] != 4).any():
             raise ValueError("its cells are not all tetrahedra")
@@ -105,34 +86,10 @@ def _section(words: list[bytes], keyword: bytes, num_sizes: int) -> tuple[int, I
         start = words.index(keyword) + 1
     except ValueError:
         raise ValueError(f"it has no {keyword.decode()}") from None
-    sizes = _integers(words[start : start + num_sizes])
+    sizes = integers(words[start : start + num_sizes])
     if len(sizes) < num_sizes or (sizes < 0).any():
         raise ValueError(f"the sizes after {keyword.decode()} are no sizes")
     return start + num_sizes, sizes
-
-
-def _floats(words: list[bytes]) -> Array:
-    return np.asarray(_numbers(words, np.float64))
-
-
-def _integers(words: list[bytes]) -> Ints:
-    return np.asarray(_numbers(words, np.int64))
-
-
-def _numbers(words: list[bytes], dtype: type) -> npt.NDArray[Any]:
-    try:
-        return np.array(words, dtype=bytes).astype(dtype) if words else np.empty(0, dtype)
-    except (ValueError, OverflowError):
-        wrong = next(word for word in words if not _is_number(word, dtype))
-        raise ValueError(f"'{wrong[:40].decode(errors='replace')}' is no number") from None
-
-
-def _is_number(word: bytes, dtype: type) -> bool:
-    try:
-        np.array([word]).astype(dtype)
-    except (ValueError, OverflowError):
-        return False
-    return True
 
 
 def _check_count(count: int) -> None:

@@ -29,7 +29,7 @@ from drake_polygrasp.loading.model_source import ModelFiles, is_uri
 from drake_polygrasp.loading.model_statements import Statements, read_statements
 from drake_polygrasp.loading.parsed_model import parse_model
 from drake_polygrasp.loading.rigid_group import Collider, RigidGroup
-from drake_polygrasp.loading.shapes import is_hull
+from drake_polygrasp.loading.shapes import is_hull, mended
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def load_solid(source: ModelSource, package_paths: Sequence[str | Path] = ()) ->
     parsed = parse_model(source.model_file, body_name, package_paths)
     inspector = parsed.scene_graph.model_inspector()
     parts = tuple(
-        (inspector.GetShape(geometry).Clone(), X_BG)
+        (mended(inspector.GetShape(geometry)), X_BG)
         for geometry, X_BG, _ in parsed.group.colliders(parsed.plant, inspector)
     )
     return Solid(

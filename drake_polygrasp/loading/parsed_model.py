@@ -9,18 +9,21 @@ from pathlib import Path
 from textwrap import shorten
 from typing import NamedTuple
 
-from pydrake.geometry import Mesh, SceneGraph
+from pydrake.geometry import Mesh, SceneGraph, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import PackageMap, Parser
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import RigidBody, SpatialInertia
+from pydrake.multibody.tree import CalcSpatialInertia, RigidBody, SpatialInertia
 from pydrake.systems.framework import Context
 
 from drake_polygrasp.errors import ModelError, PolygraspError
+from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 from drake_polygrasp.loading.mesh_file import check_mesh_file
 from drake_polygrasp.loading.model_source import ModelFiles, find_packages, locate, read_model_files
 from drake_polygrasp.loading.rigid_group import RigidGroup, find_group, rigid_bodies
 
+_DENSITY = 1000.0
+"""[kg/m^3], the Parser's own for an OBJ file."""
 MAX_REASON = 400
 """Of Drake's words on a file, ours: it may quote the whole file."""
 
@@ -109,17 +112,27 @@ def _empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
 
 
 def _add_surface(plant: MultibodyPlant, mesh_file: Path) -> None:
-    """What the Parser makes of an OBJ file, but of one whose triangles give no mass properties."""
-    logging.getLogger("drake").warning(
-        "%s: its triangles are flat, open or wound inward, so that Drake finds no mass in them; "
-        "a ball of 1 kg stands in for it",
-        mesh_file,
-    )
+    """What the Parser makes of an OBJ file, but of one in which Drake finds no mass."""
     name, mesh = mesh_file.stem, Mesh(str(mesh_file))
-    ball = SpatialInertia.SolidSphereWithMass(1.0, 1.0)
-    body = plant.AddRigidBody(name, plant.AddModelInstance(name), ball)
+    M_BBo_B = _spatial_inertia(read_collision_mesh(mesh).shape)
+    if M_BBo_B is None:
+        logging.getLogger("drake").warning(
+            "%s: its triangles are flat or open, so that Drake finds no mass in them; a ball of "
+            "1 kg stands in for it",
+            mesh_file,
+        )
+        M_BBo_B = SpatialInertia.SolidSphereWithMass(1.0, 1.0)
+    body = plant.AddRigidBody(name, plant.AddModelInstance(name), M_BBo_B)
     friction = CoulombFriction(1.0, 1.0)  # The Parser's own.
     plant.RegisterCollisionGeometry(body, RigidTransform(), mesh, name, friction)
+
+
+def _spatial_inertia(shape: Shape) -> SpatialInertia | None:
+    """About Bo, expressed in B; None where the shape encloses no volume."""
+    try:
+        return CalcSpatialInertia(shape, _DENSITY)
+    except (Exception, SystemExit):
+        return None
 
 
 def _choose_body(plant: MultibodyPlant, name: str | None, model_file: Path) -> RigidBody:

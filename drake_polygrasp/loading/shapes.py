@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 from pydrake.geometry import (
-    AddRigidHydroelasticProperties,
     Box,
     Capsule,
     Convex,
     Cylinder,
     Ellipsoid,
-    GeometryInstance,
     Mesh,
-    ProximityProperties,
-    SceneGraph,
     Shape,
     Sphere,
 )
 from pydrake.math import RigidTransform
 
-from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.arrays import frozen
 from drake_polygrasp.geometry.polyhedron import FLATNESS
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.surface import Part, curved_part
 from drake_polygrasp.geometry.triangles import unit_normals
+from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 
 _AT_ONCE = 1 << 22
 """Pairs of vertex and triangle, ours: temporaries of some ten megabytes."""
@@ -35,15 +32,22 @@ def part_of(shape: Shape, X_BG: RigidTransform, mu: float) -> Part | None:
     if solid is not None:
         return curved_part(solid, mu)
     if isinstance(shape, Box | Convex | Mesh):
-        return Part(_triangles_B(shape, X_BG), mu)
+        mesh = read_collision_mesh(shape)
+        p_BV = X_BG.multiply(mesh.triangles_G.reshape(-1, 3).T).T
+        return Part(np.asarray(p_BV).reshape(-1, 3, 3), mu, warnings=mesh.warnings)
     return None
+
+
+def mended(shape: Shape) -> Shape:
+    """The shape for plants of our own; a Mesh that Drake would misread, as it is meant."""
+    return read_collision_mesh(shape).shape if isinstance(shape, Mesh) else shape.Clone()
 
 
 def is_hull(shape: Shape) -> bool:
     """Whether a shape is its own convex hull."""
     if not isinstance(shape, Mesh):
         return True
-    triangles = _triangles_B(shape, RigidTransform())
+    triangles = read_collision_mesh(shape).triangles_G
     vertices = np.unique(triangles.reshape(-1, 3), axis=0)
     reach = FLATNESS * np.ptp(vertices, axis=0).max()
     nhat, _ = unit_normals(triangles)
@@ -68,20 +72,3 @@ def _curved_solid(shape: Shape, X_BG: RigidTransform) -> Primitive | None:
                 return Primitive("cylinder", R_BG, p_BG, radii)
             return Primitive("capsule", R_BG, p_BG, radii)
     return None
-
-
-def _triangles_B(shape: Shape, X_BG: RigidTransform) -> Array:
-    """The shape's surface [m], shape (T, 3, 3): what rigid hydroelastic contact makes of it.
-
-    Point contact would use the convex hull of a Mesh and fill its notches.
-    """
-    scene_graph = SceneGraph()
-    instance = GeometryInstance(X_BG, shape, "surface")
-    properties = ProximityProperties()
-    AddRigidHydroelasticProperties(properties)
-    instance.set_proximity_properties(properties)
-    geometry = scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("source"), instance)
-    mesh = scene_graph.model_inspector().maybe_get_hydroelastic_mesh(geometry)
-    index = [[face.vertex(k) for k in range(3)] for face in mesh.triangles()]
-    p_BV = X_BG.multiply(np.array(mesh.vertices()).T).T
-    return np.asarray(p_BV[np.array(index)])

@@ -1,0 +1,177 @@
+"""The surface that a Mesh or Convex shape stands for, and where Drake's own would mislead.
+
+Drake believes its mesh files: it cuts concave faces of more than three corners into triangles some
+of which lie outside them, takes the sense in which triangles run for inside and outside, and
+measures no distance to a mesh with a vertex that no triangle uses. The surface here is what such a
+file means. Where it is not Drake's, a warning says so, because the user's own plant has Drake's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    AddRigidHydroelasticProperties,
+    Box,
+    Convex,
+    GeometryInstance,
+    InMemoryMesh,
+    Mesh,
+    ProximityProperties,
+    ReadObjToTriangleSurfaceMesh,
+    SceneGraph,
+    TriangleSurfaceMesh,
+)
+from pydrake.math import RigidTransform
+
+from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.errors import ModelError
+from drake_polygrasp.geometry.face_triangles import faces_cut_wrongly, triangulate
+from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE
+from drake_polygrasp.geometry.shells import faces_inward
+from drake_polygrasp.input_file import read_bytes
+from drake_polygrasp.loading.mesh_file import MAX_BYTES
+from drake_polygrasp.loading.obj_file import read_obj, write_obj
+
+
+@dataclass(frozen=True, eq=False)
+class CollisionMesh:
+    """A shape's surface in its geometry frame G."""
+
+    shape: Box | Convex | Mesh
+    """The shape for plants of our own: the given one, or a Mesh in memory that is mended."""
+    triangles_G: Array
+    """[m], shape (T, 3, 3)."""
+    warnings: tuple[str, ...] = ()
+    """What differs from the geometry that Drake makes of the shape, one sentence each."""
+
+
+def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
+    """Returns the surface that a shape stands for.
+
+    Notches of a Mesh are kept, which point contact would fill, for it takes the convex hull.
+
+    Raises:
+        ModelError: when a mesh cannot be read, or a face of it is none.
+    """
+    if not isinstance(shape, Mesh):
+        vertices, triangles = _arrays(_hydroelastic_mesh(shape))
+        return CollisionMesh(shape, vertices[triangles])
+    name, content = _source(shape)
+    is_obj = shape.extension() == ".obj"
+    if is_obj and shape.source().is_path():
+        # The same as of hydroelastic contact, without what takes several times as long.
+        path, scale3 = shape.source().path(), np.asarray(shape.scale3())
+        vertices, triangles = _arrays(ReadObjToTriangleSurfaceMesh(path, scale3))
+    else:
+        vertices, triangles = _arrays(_hydroelastic_mesh(shape))
+    warnings: list[str] = []
+    if is_obj:
+        try:
+            triangles = _with_whole_faces(content, shape, name, vertices, triangles, warnings)
+        except ValueError as error:
+            raise ModelError(f"{name}: {error}; repair the mesh") from error
+    triangles = _outward(name, vertices, triangles, warnings)
+    num_spare = len(vertices) - len(np.unique(triangles))
+    if num_spare:
+        warnings.append(
+            f"{name}: no face uses {num_spare} of its {len(vertices)} vertices, which are left "
+            "out; Drake's convex hull takes them in"
+        )
+    if not warnings:
+        return CollisionMesh(shape, vertices[triangles])
+    return CollisionMesh(_in_memory(vertices, triangles), vertices[triangles], tuple(warnings))
+
+
+def _source(shape: Mesh) -> tuple[str, bytes]:
+    """What messages call the mesh, and its file."""
+    source = shape.source()
+    if source.is_path():
+        path = Path(source.path())
+        return str(path), read_bytes(path, "mesh", MAX_BYTES, ModelError)
+    file = source.in_memory().mesh_file
+    return file.filename_hint() or "a mesh in memory", file.contents()
+
+
+def _hydroelastic_mesh(shape: Box | Convex | Mesh) -> TriangleSurfaceMesh:
+    """What rigid hydroelastic contact makes of a shape."""
+    scene_graph = SceneGraph()
+    instance = GeometryInstance(RigidTransform(), shape, "surface")
+    properties = ProximityProperties()
+    AddRigidHydroelasticProperties(properties)
+    instance.set_proximity_properties(properties)
+    geometry = scene_graph.RegisterAnchoredGeometry(scene_graph.RegisterSource("source"), instance)
+    return scene_graph.model_inspector().maybe_get_hydroelastic_mesh(geometry)
+
+
+def _arrays(mesh: TriangleSurfaceMesh) -> tuple[Array, Ints]:
+    """Vertices [m], shape (V, 3), and their indices in triangles, shape (T, 3)."""
+    triangles = mesh.triangles()
+    corners = (t.vertex(k) for t in triangles for k in range(3))
+    index = np.fromiter(corners, np.int64, 3 * len(triangles))
+    return np.array(mesh.vertices()).reshape(-1, 3), index.reshape(-1, 3)
+
+
+def _with_whole_faces(
+    content: bytes, shape: Mesh, name: str, vertices: Array, triangles: Ints, warnings: list[str]
+) -> Ints:
+    """Drake's triangles; of faces that they do not tile, triangles that do.
+
+    Raises:
+        ValueError: when a face crosses itself.
+    """
+    obj = read_obj(content)
+    sizes = np.diff(obj.offsets)
+    if (sizes == 3).all() and len(sizes) == len(triangles):
+        return triangles
+    corners = obj.corners
+    if np.prod(np.sign(shape.scale3())) < 0:  # Drake reverses mirrored faces.
+        corners = np.concatenate([face[::-1] for face in np.split(corners, obj.offsets[1:-1])])
+    if (sizes - 2).sum() == len(triangles):
+        wrong = faces_cut_wrongly(vertices, corners, obj.offsets, triangles)
+    else:
+        wrong = sizes > 3  # Drake gave up within some face, and does not say in which.
+        triangles = np.zeros(((sizes - 2).sum(), 3), dtype=np.int64)
+        triangles[np.repeat(~wrong, sizes - 2)] = corners[np.repeat(~wrong, sizes)].reshape(-1, 3)
+    if not wrong.any():
+        return triangles
+    kept = np.split(triangles, np.cumsum(sizes - 2)[:-1])
+    for k in np.flatnonzero(wrong):
+        face = corners[obj.offsets[k] : obj.offsets[k + 1]]
+        try:
+            kept[k] = face[triangulate(vertices[face])]
+        except ValueError as error:
+            raise ValueError(f"face {k + 1}: {error}") from error
+    warnings.append(
+        f"{name}: Drake cuts concave faces of it into triangles that do not tile them; they are "
+        "cut rightly here, but not in your own plant: export triangles"
+    )
+    return np.concatenate(kept)
+
+
+def _outward(name: str, vertices: Array, triangles: Ints, warnings: list[str]) -> Ints:
+    """The triangles, those that face inward turned."""
+    tolerance = LENGTH_TOLERANCE * float(np.ptp(vertices[triangles], axis=(0, 1)).max(initial=0))
+    inward = faces_inward(vertices[triangles], tolerance)
+    if not inward.any():
+        return triangles
+    which = (
+        "its triangles face inward"
+        if inward.all()
+        else f"{inward.sum()} of its {len(inward)} triangles face inward"
+    )
+    warnings.append(
+        f"{name}: {which}; they are turned here, but in your own plant Drake takes inside for "
+        "outside there: reverse the faces in the file"
+    )
+    return np.where(inward[:, None], triangles[:, ::-1], triangles)
+
+
+def _in_memory(vertices: Array, triangles: Ints) -> Mesh:
+    """A mesh of triangles, without vertices that none of them uses."""
+    used, index = np.unique(triangles, return_inverse=True)
+    text = write_obj(frozen(vertices[used]), index.reshape(-1, 3))
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", "mended.obj")))

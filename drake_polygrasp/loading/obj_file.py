@@ -1,0 +1,75 @@
+"""The vertices and faces of a Wavefront OBJ file, as Drake reads them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.loading.numbers import floats, integers
+
+_LINE_ENDS = re.compile(rb"\r\n?")
+_COMMENTS = re.compile(rb"#[^\n]*")
+_CONTINUED = re.compile(rb"^[ \t]*[vf][ \t][^\n]*\\[ \t]*$", re.MULTILINE)
+_RECORDS = re.compile(rb"^[ \t]*([vf])[ \t]([^\n]*)", re.MULTILINE)
+_TEXTURE_AND_NORMAL = re.compile(rb"/\S*")
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True, eq=False)
+class ObjFile:
+    """Vertices and faces in the file's order."""
+
+    vertices: Array
+    """As the file states them, before scaling, shape (V, 3)."""
+    corners: Ints
+    """Vertex indices from 0 of all faces, one face after the other, shape (N,)."""
+    offsets: Ints
+    """Where each face begins in `corners`, and N, shape (F + 1,)."""
+
+
+def read_obj(content: bytes) -> ObjFile:
+    """Reads an OBJ file; colours, textures and normals are passed over, as are lines and points.
+
+    Raises:
+        ValueError: naming what no reader can make sense of, or what Drake reads otherwise than it
+            is meant.
+    """
+    content = _LINE_ENDS.sub(b"\n", content.removeprefix(_BYTE_ORDER_MARK))
+    content = _COMMENTS.sub(b"", content)
+    if continued := _CONTINUED.search(content):
+        line = content.count(b"\n", 0, continued.start()) + 1
+        raise ValueError(
+            f"line {line} is continued on the next by '\\', as Rhino writes long lines, which "
+            "Drake does not read; export triangles, or join the lines"
+        )
+    records = _RECORDS.findall(content)
+    coordinates = [line.split()[:3] for kind, line in records if kind == b"v"]
+    if any(len(row) < 3 for row in coordinates):
+        raise ValueError("a vertex has fewer than three coordinates")
+    vertices = floats([x for row in coordinates for x in row]).reshape(-1, 3)
+    faces = [_TEXTURE_AND_NORMAL.sub(b"", line).split() for kind, line in records if kind == b"f"]
+    sizes = np.array([len(face) for face in faces], dtype=np.int64)
+    stated = integers([corner for face in faces for corner in face])
+    kinds = np.array([kind == b"v" for kind, _ in records], dtype=bool)
+    # A negative index counts back from the last vertex before its face.
+    known = np.repeat(np.cumsum(kinds)[~kinds], sizes)
+    wrong = (stated == 0) | (stated > len(vertices)) | (stated < -known)
+    if wrong.any():
+        raise ValueError(f"a face names vertex {stated[np.argmax(wrong)]} of {len(vertices)}")
+    corners = np.where(stated > 0, stated - 1, known + stated)
+    is_face = sizes >= 3  # Drake passes over others.
+    return ObjFile(
+        vertices,
+        corners[np.repeat(is_face, sizes)],
+        np.append(0, np.cumsum(sizes[is_face])),
+    )
+
+
+def write_obj(vertices: Array, triangles: Ints) -> str:
+    """Returns the OBJ file of vertices (V, 3) and triangles (T, 3) of indices from 0."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
+    return "\n".join([*lines, ""])
