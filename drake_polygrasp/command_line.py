@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from drake_polygrasp.loading.model_statements import MAX_FRICTION
+from drake_polygrasp.loading.model_checks import MAX_FRICTION
 
 MAX_LENGTH = 1000.0
 """Ours [m]: clearances and radii beyond it are slips of the pen."""

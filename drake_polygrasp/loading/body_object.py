@@ -20,7 +20,7 @@ from drake_polygrasp.geometry.polyhedron import (
 )
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.grasp import GraspObject, ModelSource
-from drake_polygrasp.loading.model_statements import MAX_FRICTION
+from drake_polygrasp.loading.model_checks import MAX_FRICTION
 from drake_polygrasp.loading.parsed_model import blaming
 from drake_polygrasp.loading.rigid_group import Collider, RigidGroup
 from drake_polygrasp.loading.shapes import part_of

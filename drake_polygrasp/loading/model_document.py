@@ -2,26 +2,37 @@
 
 from __future__ import annotations
 
-import re
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import yaml
 from pydrake.multibody.parsing import LoadModelDirectives
 
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
+from drake_polygrasp.loading.xml_reader import parse_xml
 
 MAX_BYTES = 20_000_000
 """Of a document, ours: some hundred thousand collision geometries."""
 _MAX_NODES = 1_000_000
 """Of directives with their aliases written out, ours."""
-_PREFIXED_TAG = re.compile(rb"(</?\w+):(?=\w)")
 
 
-def directive_files(path: Path) -> list[str]:
-    """The URIs of the files that model directives add; ModelError when they are no directives."""
+@dataclass(frozen=True)
+class Addition:
+    """What one of a file's model directives adds: a model, or further directives."""
+
+    uri: str
+    name: str | None
+    """Of the model; None for directives."""
+    namespace: str = ""
+    """Of the directives' models."""
+
+
+def read_directives(path: Path) -> list[Addition]:
+    """Reads what model directives add; ModelError when they are no directives."""
     content = read_bytes(path, "model", MAX_BYTES, ModelError)
     try:
         if _expanded_size(yaml.compose(content, Loader=yaml.BaseLoader), {}) > _MAX_NODES:
@@ -31,8 +42,13 @@ def directive_files(path: Path) -> list[str]:
         raise
     except (Exception, SystemExit) as error:
         raise ModelError(f"{path}: no model directives: {error}") from error
-    adding = [d.add_model or d.add_directives for d in directives]
-    return [d.file for d in adding if d]
+    return [
+        Addition(d.add_model.file, d.add_model.name)
+        if d.add_model
+        else Addition(d.add_directives.file, None, d.add_directives.model_namespace or "")
+        for d in directives
+        if d.add_model or d.add_directives
+    ]
 
 
 def _expanded_size(node: yaml.Node, known: dict[yaml.Node, int]) -> int:
@@ -45,18 +61,24 @@ def _expanded_size(node: yaml.Node, known: dict[yaml.Node, int]) -> int:
     return known[node]
 
 
-def read_xml(path: Path) -> ElementTree.Element:
-    """The root of an XML document, with prefix_tag for prefix:tag; ModelError when it is none."""
+def read_xml(path: Path, tag: str | None = None) -> Element:
+    """Reads an XML document as Drake does, names as they are written (`xml_reader`).
+
+    Args:
+        path: the document.
+        tag: of the element to return; Drake takes the first of its name.
+
+    Returns:
+        The first element at the top that has the tag or, where none has, the first of all.
+
+    Raises:
+        ModelError: when it is no XML that Drake reads, or declares entities.
+    """
     content = read_bytes(path, "model", MAX_BYTES, ModelError)
-    if b"<!ENTITY" in content:
-        raise ModelError(
-            f"{path}: declares XML entities, which Drake does not read; write them out"
-        )
     try:
-        content.decode()
-        # Drake's own parsers need no declaration of the drake: prefix.
-        return ElementTree.fromstring(_PREFIXED_TAG.sub(rb"\1_", content))
-    except UnicodeDecodeError:
-        raise ModelError(f"{path}: is not UTF-8 text; save it as such") from None
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        elements = parse_xml(content)
+    except ValueError as error:
         raise ModelError(f"{path}: cannot be read as XML: {error}; mend it there") from error
+    if not elements:
+        raise ModelError(f"{path}: cannot be read as XML: it has no element; mend it there")
+    return next((element for element in elements if element.tag == tag), elements[0])

@@ -7,18 +7,20 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from pydrake.multibody.parsing import PackageMap
 
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.mesh_file import MAX_BYTES
-from drake_polygrasp.loading.model_document import directive_files, read_xml
-from drake_polygrasp.loading.model_statements import check_link
+from drake_polygrasp.loading.model_checks import check_link
+from drake_polygrasp.loading.model_document import Addition, read_directives, read_xml
 
 SUFFIXES = (".sdf", ".urdf", ".xml", ".dmd.yaml", ".obj")
 """What Drake's Parser reads."""
+_ROOTS = {".sdf": "sdf", ".urdf": "robot", ".xml": "mujoco"}
+"""The element that Drake reads of a document."""
 _URI = re.compile(r"(package|model|file)://")
 
 
@@ -27,10 +29,14 @@ class ModelFiles:
     """All files of a model, each once, in document order."""
 
     model_file: Path
-    documents: dict[Path, ElementTree.Element | None] = field(default_factory=dict)
+    documents: dict[Path, Element | None] = field(default_factory=dict)
     """The model and what it includes; parsed when it is XML."""
     meshes: dict[Path, None] = field(default_factory=dict)
     """Collision meshes."""
+    additions: dict[Path, list[Addition]] = field(default_factory=dict)
+    """What each file of model directives adds."""
+    includes: dict[tuple[Path, str], Path] = field(default_factory=dict)
+    """The document that each SDF include or directive means, by including document and URI."""
 
     @property
     def sha256(self) -> str:
@@ -114,8 +120,11 @@ def read_model_files(model_file: Path, packages: PackageMap) -> ModelFiles:
 
 def _read_document(
     path: Path, packages: PackageMap, files: ModelFiles, including: tuple[Path, ...]
-) -> None:
-    """Adds the document and what it includes; `including` are those that led to it, resolved."""
+) -> Path:
+    """Adds the document and what it includes; `including` are those that led to it, resolved.
+
+    Returns the document's path, which is another one where `path` is a folder.
+    """
     if path.is_dir():
         # The newest version is listed last.
         names = [sdf.text or "" for sdf in read_xml(path / "model.config").findall("sdf")]
@@ -123,7 +132,7 @@ def _read_document(
     if path.resolve() in including:
         raise ModelError(f"{path}: includes itself; break the circle")
     if path in files.documents:
-        return
+        return path
     if path.exists() and not path.name.lower().endswith(SUFFIXES):
         raise ModelError(f"{path}: Drake reads {', '.join(SUFFIXES)}, not this; convert it")
     files.documents[path] = None
@@ -131,18 +140,30 @@ def _read_document(
     if path.suffix.lower() == ".obj":
         files.meshes[path] = None
     elif path.suffix.lower() == ".yaml":
-        for uri in directive_files(path):
-            _read_document(resolve(uri, path.parent, packages), packages, files, including)
+        files.additions[path] = read_directives(path)
+        for added in files.additions[path]:
+            _include(added.uri, path, packages, files, including)
     else:
-        root = files.documents[path] = read_xml(path)
+        root = files.documents[path] = read_xml(path, _ROOTS.get(path.suffix.lower()))
         if root.tag == "mujoco":
             _read_mjcf(root, path.parent, files, including)
+        elif root.tag == "robot":
+            _read_urdf(root, path, packages, files)
         else:
-            _read_sdf_or_urdf(root, path, packages, files, including)
+            _read_sdf(root, path, packages, files, including)
+    return path
 
 
-def _read_sdf_or_urdf(
-    root: ElementTree.Element,
+def _include(
+    uri: str, path: Path, packages: PackageMap, files: ModelFiles, including: tuple[Path, ...]
+) -> None:
+    """Reads a document that the document at `path` includes."""
+    included = _read_document(resolve(uri, path.parent, packages), packages, files, including)
+    files.includes[path, uri.strip()] = included
+
+
+def _read_sdf(
+    root: Element,
     path: Path,
     packages: PackageMap,
     files: ModelFiles,
@@ -150,21 +171,29 @@ def _read_sdf_or_urdf(
 ) -> None:
     for element in root.iter():
         if element.tag == "include":
-            uri = element.findtext("uri") or ""
-            _read_document(resolve(uri, path.parent, packages), packages, files, including)
+            _include(element.findtext("uri") or "", path, packages, files, including)
         elif element.tag == "collision":
-            for mesh in element.iter("mesh"):
-                uri = mesh.get("filename") or mesh.findtext("uri") or ""
-                if not uri.strip():
-                    raise ModelError(f"{path}: a collision mesh names no file; name one")
-                files.meshes[resolve(uri, path.parent, packages)] = None
+            for mesh in element.findall("geometry/mesh"):
+                _add_mesh(mesh.findtext("uri"), path, packages, files)
         elif element.tag == "link":
-            check_link(element, path, urdf=root.tag == "robot")
+            check_link(element, path, urdf=False)
 
 
-def _read_mjcf(
-    root: ElementTree.Element, folder: Path, files: ModelFiles, including: tuple[Path, ...]
-) -> None:
+def _read_urdf(root: Element, path: Path, packages: PackageMap, files: ModelFiles) -> None:
+    """Follows what Drake reads of it: no includes, and of links their own collisions."""
+    for link in root.findall("link"):
+        check_link(link, path, urdf=True)
+        for mesh in link.findall("collision/geometry/mesh"):
+            _add_mesh(mesh.get("filename"), path, packages, files)
+
+
+def _add_mesh(uri: str | None, path: Path, packages: PackageMap, files: ModelFiles) -> None:
+    if not (uri or "").strip():
+        raise ModelError(f"{path}: a collision mesh names no file; name one")
+    files.meshes[resolve(uri or "", path.parent, packages)] = None
+
+
+def _read_mjcf(root: Element, folder: Path, files: ModelFiles, including: tuple[Path, ...]) -> None:
     """As Drake does: what is included stands in the model itself, and the last compiler rules."""
     _splice_includes(root, folder, files, including)
     assets = folder
@@ -177,13 +206,13 @@ def _read_mjcf(
 
 
 def _splice_includes(
-    element: ElementTree.Element, folder: Path, files: ModelFiles, including: tuple[Path, ...]
+    element: Element, folder: Path, files: ModelFiles, including: tuple[Path, ...]
 ) -> None:
     """Put the elements of included files in the place of each include, at any depth.
 
     Their names are relative to `folder`, that of the model, also where included files include.
     """
-    children: list[ElementTree.Element] = []
+    children: list[Element] = []
     for child in element:
         if child.tag == "include":
             if not child.get("file"):

@@ -1,32 +1,44 @@
-"""What a model's documents state in so many words, and Drake would replace or forget.
+"""Tells what a model's documents state from what Drake assumes where they state nothing.
 
-After parsing, Drake cannot tell friction or mass that a file states from its own defaults, and
-it replaces impossible sizes and masses by others. The documents tell.
+Masses, centres and coefficients are Drake's own, read from its plant. But Drake gives a collision
+geometry without friction the coefficient 1, and an SDF link without mass 1 kg, and does not tell
+these from values that a file states; the documents do.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from xml.etree import ElementTree
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
 
-from drake_polygrasp.errors import ModelError
+from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
 
-MAX_FRICTION = 100.0
-"""Ours: coefficients beyond it are slips of the pen, and strain the arithmetic."""
-MAX_SIZE = 1e6
-"""Of a collision geometry, ours [m]."""
-_FRICTION_TAGS = ("mu", "mu2", "drake_mu_static", "drake_mu_dynamic")
-_SIZES = {
-    "box": {"size": 3},
-    "sphere": {"radius": 1},
-    "cylinder": {"radius": 1, "length": 1},
-    "capsule": {"radius": 1, "length": 1},
-    "ellipsoid": {"radii": 3},
+from drake_polygrasp.loading.mjcf_statements import collision_geoms, find_bodies
+from drake_polygrasp.loading.model_checks import check_mass, is_automatic, numbers
+from drake_polygrasp.loading.model_instances import Dialect, StatedModel, find_instances
+from drake_polygrasp.loading.model_source import ModelFiles
+from drake_polygrasp.loading.unread_friction import unread_in_link, unread_in_pairs
+from drake_polygrasp.loading.xml_reader import elements_at
+
+_READ_FRICTION = {
+    Dialect.SDF: (
+        ("drake:proximity_properties", "drake:mu_static"),
+        ("drake:proximity_properties", "drake:mu_dynamic"),
+        ("surface", "friction", "ode", "mu"),
+        ("surface", "friction", "ode", "mu2"),
+    ),
+    Dialect.URDF: (
+        ("drake:proximity_properties", "drake:mu_static"),
+        ("drake:proximity_properties", "drake:mu_dynamic"),
+        ("drake_compliance", "static_friction"),
+        ("drake_compliance", "dynamic_friction"),
+    ),
 }
-"""The sizes of a collision geometry and how many numbers each has, the same in SDF and URDF."""
+"""The tags below a <collision> where Drake reads its friction."""
 
 
 @dataclass(frozen=True)
@@ -35,98 +47,103 @@ class Statements:
 
     mass: bool
     """Whether they state a mass."""
-    friction: tuple[bool, ...]
-    """Whether they state friction, of each collision geometry in document order."""
-
-    def state_friction(self, k: int, count: int) -> bool:
-        """Of the k-th of `count` geometries; when Drake dropped some, whether all state it."""
-        return self.friction[k] if len(self.friction) == count else all(self.friction)
+    friction: Mapping[GeometryId, bool]
+    """Whether they state friction that Drake reads, of each of its collision geometries."""
+    unread: tuple[str, ...] = ()
+    """Where they state friction that Drake does not read, as people write it."""
 
 
-def check_link(link: ElementTree.Element, path: Path, *, urdf: bool) -> None:
-    """Raise ModelError for sizes that Drake would replace, and for mass that it cannot compute."""
-    inertial = link.find("inertial")
-    if _is_automatic(inertial) and link.find("collision/geometry/mesh") is not None:
-        raise ModelError(
-            f"{path}: Drake cannot compute the inertia of link '{link.get('name')}', which has a "
-            "collision mesh; state its mass and inertia instead of auto"
-        )
-    for collision in link.iter("collision"):
-        _check_sizes(collision, path, urdf=urdf)
+class _Link(NamedTuple):
+    """What one model says of a link."""
 
-
-def _is_automatic(inertial: ElementTree.Element | None) -> bool:
-    return inertial is not None and inertial.get("auto", "").strip().lower() in ("true", "1")
-
-
-def _check_sizes(collision: ElementTree.Element, path: Path, *, urdf: bool) -> None:
-    for shape, sizes in _SIZES.items():
-        for element in collision.iter(shape):
-            for name, count in sizes.items():
-                text = element.get(name) if urdf else element.findtext(name)
-                numbers = _numbers(text)
-                if len(numbers) != count or not all(0 < x <= MAX_SIZE for x in numbers):
-                    raise ModelError(
-                        f"{path}: the {name} of a collision {shape} is {text!r}; write "
-                        f"{'three numbers' if count == 3 else 'a number'} of metres, above 0 "
-                        f"and at most {MAX_SIZE:g}"
-                    )
+    mass: bool
+    friction: dict[str, bool] | tuple[bool, ...]
+    """Of each collision geometry, by name or in the plant's order."""
+    unread: tuple[str, ...]
 
 
 def read_statements(
-    documents: Mapping[Path, ElementTree.Element | None], link_name: str
+    files: ModelFiles, plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody
 ) -> Statements:
-    """What documents say of the link; where several bear the name, what all of them say.
+    """Reads what documents say of a link, which is found as Drake names it.
 
-    Raises ModelError for a mass that Drake would replace by its own.
+    Args:
+        files: of the model, and parsed by Drake into `plant`.
+        plant: with the body.
+        inspector: of the plant's SceneGraph.
+        body: a link of the model.
+
+    Raises:
+        ModelError: for a mass that Drake would replace by its own.
     """
-    found: list[Statements] = []
-    for path, root in documents.items():
-        if root is not None and root.tag == "mujoco":
-            bodies = [body for body in root.iter("body") if body.get("name") == link_name]
-            found += [_mjcf_body(body, root) for body in bodies]
-        elif root is not None:
-            links = [link for link in root.iter("link") if link.get("name") == link_name]
-            found += [_sdf_or_urdf_link(link, path) for link in links]
-    if len(found) == 1:
-        return found[0]
-    friction = [stated for one in found for stated in one.friction]
-    stated = bool(friction) and all(friction)
-    return Statements(bool(found) and all(one.mass for one in found), (stated,))
-
-
-def _sdf_or_urdf_link(link: ElementTree.Element, path: Path) -> Statements:
-    inertial = link.find("inertial")
-    mass = None if inertial is None else inertial.find("mass")
-    if mass is not None:
-        numbers = _numbers(mass.get("value") or mass.text)
-        if len(numbers) != 1 or not 0 < numbers[0] < math.inf:
-            raise ModelError(
-                f"{path}: link '{link.get('name')}' has a mass that is not above 0; state one that "
-                "is, or none"
-            )
-    friction = (
-        any(element.tag in _FRICTION_TAGS for element in collision.iter())
-        for collision in link.iter("collision")
+    links = list(_links(files, plant, body))
+    scope = f"{plant.GetModelInstanceName(body.model_instance())}::"
+    geometries = plant.GetCollisionGeometriesForBody(body)
+    names = [inspector.GetName(geometry).removeprefix(scope) for geometry in geometries]
+    return Statements(
+        mass=bool(links) and all(link.mass for link in links),
+        friction=dict(zip(geometries, _friction(links, names), strict=True)),
+        unread=tuple(dict.fromkeys(place for link in links for place in link.unread)),
     )
-    return Statements(mass is not None or _is_automatic(inertial), tuple(friction))
 
 
-def _mjcf_body(body: ElementTree.Element, root: ElementTree.Element) -> Statements:
+def _friction(links: Sequence[_Link], names: Sequence[str]) -> tuple[bool, ...]:
+    """Whether each geometry's friction is stated; where it cannot be told, whether all is."""
+    if len(links) == 1:
+        (_, stated, _) = links[0]
+        if isinstance(stated, tuple):
+            if len(stated) == len(names):
+                return stated
+        elif set(names) <= set(stated):
+            return tuple(stated[name] for name in names)
+    every = [
+        one
+        for link in links
+        for one in (link.friction if isinstance(link.friction, tuple) else link.friction.values())
+    ]
+    return (bool(every) and all(every),) * len(names)
+
+
+def _links(files: ModelFiles, plant: MultibodyPlant, body: RigidBody) -> Iterator[_Link]:
+    """Yields what is said of the body: by one model, unless several are merged."""
+    instances = find_instances(files)
+    name = plant.GetModelInstanceName(body.model_instance())
+    for model in instances.get(name, ()):
+        if model.dialect is Dialect.MJCF:
+            yield from _mjcf_body(model, plant, body)
+        else:
+            for link in model.element.findall("link"):
+                if link.get("name") == body.name():
+                    yield _sdf_or_urdf_link(model, link, body)
+
+
+def _sdf_or_urdf_link(model: StatedModel, link: Element, body: RigidBody) -> _Link:
+    check_mass(link, model.path)
+    collisions = link.findall("collision")
+    places = _READ_FRICTION[model.dialect]
+    friction = [any(elements_at(collision, place) for place in places) for collision in collisions]
+    unread = tuple(unread_in_link(model, link, places))
+    if model.dialect is Dialect.URDF:
+        # Drake renames geometries whose names repeat, and drops none; it assumes no mass.
+        return _Link(body.default_mass() > 0, tuple(friction), unread)
+    inertial = link.find("inertial")
+    mass = is_automatic(inertial) or link.find("inertial/mass") is not None
+    names = [collision.get("name", "") for collision in collisions]
+    return _Link(mass, dict(zip(names, friction, strict=True)), unread)
+
+
+def _mjcf_body(model: StatedModel, plant: MultibodyPlant, body: RigidBody) -> Iterator[_Link]:
     """MJCF always means a mass, of its default density; friction may come from its defaults."""
-    default = any(_has_friction(geom) for d in root.iter("default") for geom in d.iter("geom"))
-    friction = tuple(default or _has_friction(geom) for geom in body.findall("geom"))
-    return Statements(True, friction)
+    first = min(int(index) for index in plant.GetBodyIndices(body.model_instance()))
+    found = find_bodies(model.element, first).get(body.name())
+    if found is None:
+        return
+    geoms = collision_geoms(model.element, found)
+    friction = {geom.name: _is_friction(geom.attributes.get("friction")) for geom in geoms}
+    unread = tuple(unread_in_pairs(model.element, friction))
+    yield _Link(True, friction, unread)
 
 
-def _has_friction(geom: ElementTree.Element) -> bool:
-    numbers = _numbers(geom.get("friction"))
-    return bool(numbers) and math.isfinite(numbers[0])
-
-
-def _numbers(text: str | None) -> list[float]:
-    """A lone NaN when they are none."""
-    try:
-        return [float(word) for word in (text or "").split()]
-    except ValueError:
-        return [math.nan]
+def _is_friction(text: str | None) -> bool:
+    values = numbers(text)
+    return bool(values) and math.isfinite(values[0])

@@ -25,10 +25,10 @@ from drake_polygrasp.loading.body_object import (
     object_of,
     stated_friction,
 )
-from drake_polygrasp.loading.model_source import ModelFiles, is_uri
+from drake_polygrasp.loading.model_source import is_uri
 from drake_polygrasp.loading.model_statements import Statements, read_statements
-from drake_polygrasp.loading.parsed_model import parse_model
-from drake_polygrasp.loading.rigid_group import Collider, RigidGroup
+from drake_polygrasp.loading.parsed_model import ParsedModel, parse_model
+from drake_polygrasp.loading.rigid_group import Collider
 from drake_polygrasp.loading.shapes import is_hull, mended
 
 
@@ -78,7 +78,7 @@ def load_object(
     warnings += describe_group(group, where)
     inspector = parsed.scene_graph.model_inspector()
     colliders = group.colliders(parsed.plant, inspector)
-    links = _statements(files, group, colliders)
+    links = _statements(parsed, colliders)
     if mu is None:
         friction, assumed = _friction(inspector, links, where)
         warnings += assumed
@@ -135,16 +135,15 @@ class _StatedLink(NamedTuple):
         return (self.statements.mass and mass > 0) or (mass == 0 and not self.colliders)
 
 
-def _statements(
-    files: ModelFiles, group: RigidGroup, colliders: Sequence[Collider]
-) -> list[_StatedLink]:
+def _statements(parsed: ParsedModel, colliders: Sequence[Collider]) -> list[_StatedLink]:
+    inspector = parsed.scene_graph.model_inspector()
     return [
         _StatedLink(
             link.body,
             tuple(c for c in colliders if c.link.index() == link.body.index()),
-            read_statements(files.documents, link.body.name()),
+            read_statements(parsed.files, parsed.plant, inspector, link.body),
         )
-        for link in group.links
+        for link in parsed.group.links
     ]
 
 
@@ -156,14 +155,14 @@ def _friction(
     warnings: list[str] = []
     for link, colliders, statements in links:
         it = where if len(links) == 1 else f"{where}: link '{link.name()}'"
-        for k, (geometry, _, _) in enumerate(colliders):
+        places = " or ".join(statements.unread)
+        reason = f", for Drake reads no friction from {places}" if places else ""
+        for geometry, _, _ in colliders:
             pair = stated_friction(inspector, geometry)
             # Drake's default; only the file can tell whether it was meant.
-            if pair is None or (
-                pair == (1, 1) and not statements.state_friction(k, len(colliders))
-            ):
+            if pair is None or (pair == (1, 1) and not statements.friction[geometry]):
                 friction.append(DEFAULT_MU)
-                warnings.append(f"{it} states no friction; {DEFAULT_MU} is assumed")
+                warnings.append(f"{it} states no friction; {DEFAULT_MU} is assumed{reason}")
             else:
                 mu, said = lesser_friction(*pair, inspector.GetName(geometry), where)
                 friction.append(mu)

@@ -1,0 +1,105 @@
+"""Follows MJCF as Drake's parser does, to the bodies, geoms and defaults that it makes of it.
+
+Names and defaults are Drake's: an unnamed body is `bodyN`, N its index in the plant; an unnamed
+geom is `geomN`, N the number of the body's geoms before it that Drake kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+_MAIN = "main"
+"""The class of geoms that name none."""
+
+
+class MjcfBody(NamedTuple):
+    """A <body>, and the class of defaults that its geoms have where they name none."""
+
+    element: Element
+    childclass: str
+
+
+@dataclass(frozen=True)
+class MjcfGeom:
+    """A <geom> that collides."""
+
+    name: str
+    attributes: dict[str, str]
+    """Its own and those that its class of defaults adds."""
+
+
+def find_bodies(root: Element, first_index: int) -> dict[str, MjcfBody]:
+    """Finds the bodies of a model, by the names that Drake gives them.
+
+    Args:
+        root: <mujoco>, with what it includes.
+        first_index: of the first body that Drake made of the model, in the plant.
+    """
+    found: dict[str, MjcfBody] = {}
+    index = first_index
+    parents = (*root.findall("worldbody"), root)
+    open_bodies = [MjcfBody(body, "") for parent in parents for body in parent.findall("body")]
+    open_bodies.reverse()
+    while open_bodies:
+        element, parent_class = open_bodies.pop()
+        body = MjcfBody(element, element.get("childclass", parent_class))
+        found.setdefault(element.get("name", f"body{index}"), body)
+        # Between several joints of a body stand bodies without mass, which come after it.
+        index += max(1, len(element.findall("joint")))
+        children = element.findall("body")
+        open_bodies += [MjcfBody(child, body.childclass) for child in reversed(children)]
+    return found
+
+
+def collision_geoms(root: Element, body: MjcfBody) -> list[MjcfGeom]:
+    """Finds the geoms of a body that Drake keeps and that collide, in document order."""
+    defaults = _defaults(root)
+    meshes = {
+        mesh.get("name", PurePath(mesh.get("file", "")).stem)
+        for mesh in root.findall("asset/mesh")
+        if mesh.get("file") is not None
+    }
+    geoms: list[MjcfGeom] = []
+    num_kept = 0
+    for geom in body.element.findall("geom"):
+        attributes = defaults.get(geom.get("class", body.childclass or _MAIN), {}) | geom.attrib
+        if not _is_kept(attributes, meshes):
+            continue
+        name = geom.get("name", f"geom{num_kept}")
+        num_kept += 1
+        if _integer(attributes, "contype") or _integer(attributes, "conaffinity"):
+            geoms.append(MjcfGeom(name, attributes))
+    return geoms
+
+
+def _defaults(root: Element) -> dict[str, dict[str, str]]:
+    """Reads the attributes that each class gives to geoms; the last of a class holds."""
+    known: dict[str, dict[str, str]] = {}
+    # A class takes over from the one around it where that one states geoms itself, as in Drake.
+    pending = [(default, "") for default in reversed(root.findall("default"))]
+    while pending:
+        default, parent = pending.pop()
+        name = default.get("class", "" if parent else _MAIN)
+        for geom in default.findall("geom"):
+            known[name] = known.get(parent, {}) | geom.attrib
+        pending += [(child, name) for child in reversed(default.findall("default"))]
+    return known
+
+
+def _is_kept(attributes: dict[str, str], meshes: set[str]) -> bool:
+    """Whether Drake makes a shape of a geom; it drops some with a warning."""
+    kind = attributes.get("type", "sphere")
+    if kind == "mesh":
+        return attributes.get("mesh") in meshes
+    return kind != "hfield" and not (kind in ("box", "ellipsoid") and "fromto" in attributes)
+
+
+def _integer(attributes: dict[str, str], name: str) -> int:
+    """Returns a bit mask of contacts, which is 1 where it is not stated."""
+    try:
+        return int(attributes.get(name, "1"))
+    except ValueError:
+        return 1

@@ -1,0 +1,74 @@
+"""Refuses impossible sizes and masses of a model, which Drake would replace by its own."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from drake_polygrasp.errors import ModelError
+
+MAX_FRICTION = 100.0
+"""Ours: coefficients beyond it are slips of the pen, and strain the arithmetic."""
+MAX_SIZE = 1e6
+"""Of a collision geometry, ours [m]."""
+_SIZES = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "ellipsoid": {"radii": 3},
+}
+"""The sizes of a collision geometry and how many numbers each has, the same in SDF and URDF."""
+
+
+def check_link(link: Element, path: Path, *, urdf: bool) -> None:
+    """Raise ModelError for sizes that Drake would replace, and for mass that it cannot compute."""
+    inertial = link.find("inertial")
+    if is_automatic(inertial) and link.find("collision/geometry/mesh") is not None:
+        raise ModelError(
+            f"{path}: Drake cannot compute the inertia of link '{link.get('name')}', which has a "
+            "collision mesh; state its mass and inertia instead of auto"
+        )
+    for collision in link.findall("collision"):
+        _check_sizes(collision, path, urdf=urdf)
+
+
+def is_automatic(inertial: Element | None) -> bool:
+    """Returns whether an <inertial> of SDF asks for mass properties of the collision geometry."""
+    return inertial is not None and inertial.get("auto", "").strip().lower() in ("true", "1")
+
+
+def _check_sizes(collision: Element, path: Path, *, urdf: bool) -> None:
+    for shape, sizes in _SIZES.items():
+        for element in collision.iter(shape):
+            for name, count in sizes.items():
+                text = element.get(name) if urdf else element.findtext(name)
+                values = numbers(text)
+                if len(values) != count or not all(0 < x <= MAX_SIZE for x in values):
+                    raise ModelError(
+                        f"{path}: the {name} of a collision {shape} is {text!r}; write "
+                        f"{'three numbers' if count == 3 else 'a number'} of metres, above 0 "
+                        f"and at most {MAX_SIZE:g}"
+                    )
+
+
+def check_mass(link: Element, path: Path) -> None:
+    """Raises ModelError for a mass of an SDF or URDF link that Drake would replace by its own."""
+    mass = link.find("inertial/mass")
+    if mass is None:
+        return
+    values = numbers(mass.get("value") or mass.text)
+    if len(values) != 1 or not 0 < values[0] < math.inf:
+        raise ModelError(
+            f"{path}: link '{link.get('name')}' has a mass that is not above 0; state one that "
+            "is, or none"
+        )
+
+
+def numbers(text: str | None) -> list[float]:
+    """Returns the numbers of a text, a lone NaN when they are none."""
+    try:
+        return [float(word) for word in (text or "").split()]
+    except ValueError:
+        return [math.nan]
