@@ -23,6 +23,9 @@ _TAGS = frozenset(
 )
 """Elements that state a coefficient of friction: of SDF, of Gazebo's and of PyBullet's URDF."""
 
+_LEAVES = ("friction", "friction2")
+"""Elements that state one where they hold no others."""
+
 
 def unread_in_link(
     model: StatedModel, link: Element, read: Collection[Sequence[str]]
@@ -47,7 +50,7 @@ def unread_in_link(
 
 def _places(element: Element, place: str, read: Collection[Element]) -> Iterator[str]:
     for child in element:
-        if child.tag in _TAGS and child not in read:
+        if child not in read and (child.tag in _TAGS or (child.tag in _LEAVES and not len(child))):
             yield f"{place}<{child.tag}>"
         yield from _places(child, f"{place}<{child.tag}>", read)
 
