@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.loading.plant_object import object_from_plant
     from drake_polygrasp.loading.plant_obstacles import obstacles_from_plant
     from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
+    from drake_polygrasp.plant_ranking import rank_in_plant
     from drake_polygrasp.plant_verdicts import PlantRecord, PlantVerdict
     from drake_polygrasp.systems import GraspForces
     from drake_polygrasp.verification import Report, verify_file
@@ -66,6 +67,7 @@ __all__ = [
     "object_from_plant",
     "obstacles_from_plant",
     "plan_grasps",
+    "rank_in_plant",
     "save_grasps",
     "verify_file",
 ]
@@ -82,6 +84,7 @@ _HOMES = {
     "loading.plant_object": ("object_from_plant",),
     "loading.plant_obstacles": ("obstacles_from_plant",),
     "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
+    "plant_ranking": ("rank_in_plant",),
     "plant_verdicts": ("PlantRecord", "PlantVerdict"),
     "systems": ("GraspForces",),
     "verification": ("Report", "verify_file"),

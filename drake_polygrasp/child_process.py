@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import resource
 import signal
-import sys
 import tempfile
 from dataclasses import dataclass
 from importlib import import_module
@@ -18,6 +17,8 @@ from time import perf_counter
 from typing import IO, Any
 
 from drake_polygrasp.errors import ModelError
+from drake_polygrasp.progress import Progress
+from drake_polygrasp.progress_line import TICK, ProgressLine
 
 READ_SECONDS = 120.0
 """Ours: several times what the largest mesh takes that `mesh_file` lets pass."""
@@ -25,8 +26,8 @@ WORK_SECONDS = 600.0
 """Ours: far more than planning takes, or checking a file of ordinary length."""
 MAX_GIGABYTES = 4
 """Ours: of memory that the child may write to, libraries included."""
-_PATIENCE, _TICK = 1.0, 0.5
-"""[s] before the first word on progress, and between the next."""
+_PAUSE = 0.1
+"""[s], ours: between a child's words on its progress."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,11 @@ class Task:
 
     name: str
     seconds: float = WORK_SECONDS
+    """Between two words on progress, where the function gives any."""
+    unit: str = ""
+    """What the function counts in its `progress` callback ("grasps"); none where it has none."""
+    quiet: bool = False
+    """Whether nothing is said of progress, not even on a terminal."""
 
 
 def call_in_child(
@@ -44,7 +50,8 @@ def call_in_child(
 
     Its module is imported in the child only; what comes back is pickled. What the child prints on
     standard error is of use only when it crashes. `task` is, by default, to read the first argument
-    in `READ_SECONDS`. On a terminal, progress is shown on standard error after a second.
+    in `READ_SECONDS`. On a terminal, progress is shown on standard error after a second; a function
+    whose task has a unit is given a callback `progress` that comes this way too.
 
     Raises:
         ModelError: when the child crashes, or needs more time or memory than it may.
@@ -55,14 +62,12 @@ def call_in_child(
     context = get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
     with tempfile.TemporaryFile() as stderr:
-        call = (sender, stderr, function, args, kwargs)
+        call = (sender, stderr, function, args, kwargs, bool(task.unit))
         child = context.Process(target=_run, args=call, daemon=True)
         child.start()
         sender.close()
         try:
-            if not _wait(receiver, task):
-                raise _refusal(task, f"stopped after {task.seconds:g} s")
-            value, seconds, error = receiver.recv()
+            value, seconds, error = _answer(receiver, task)
         except EOFError:
             child.join()
             raise _refusal(task, _death(child.exitcode, stderr)) from None
@@ -81,26 +86,35 @@ def _refusal(task: Task, fault: str) -> ModelError:
     return ModelError(f"{task.name}: {fault}; repair or simplify the file")
 
 
-def _wait(receiver: Connection, task: Task) -> bool:
-    """Whether the child answers, or ends, in time."""
-    start, elapsed = perf_counter(), 0.0
-    while not receiver.poll(min(_TICK if elapsed else _PATIENCE, task.seconds - elapsed)):
-        elapsed = perf_counter() - start
-        if elapsed >= task.seconds:
-            break
-        _show_progress(f"{task.name} ... {elapsed:.0f} s")
-    if elapsed:
-        _show_progress("")
-    return receiver.poll()
+def _answer(receiver: Connection, task: Task) -> Any:
+    """What the child sends last, its words on progress shown; EOFError where it just ends.
+
+    Raises ModelError when it takes too long.
+    """
+    with ProgressLine(task.name, task.unit, quiet=task.quiet) as line:
+        last_word = 0.0
+        while True:
+            left = last_word + task.seconds - line.elapsed
+            if not receiver.poll(max(0.0, min(TICK, left))):
+                line.tick()
+                if left <= TICK:
+                    raise _refusal(task, f"stopped after {task.seconds:g} s")
+                continue
+            message = receiver.recv()
+            if len(message) == 3:
+                return message
+            line.tell(*message)
+            last_word = line.elapsed
 
 
-def _show_progress(text: str) -> None:
-    """Writes over the line that was there before, on terminals only."""
-    if sys.stderr is not None and sys.stderr.isatty():
-        print(f"\r{text}\x1b[K", end="", file=sys.stderr, flush=True)
-
-
-def _run(sender: Connection, stderr: IO[bytes], function: str, args: Any, kwargs: Any) -> None:
+def _run(
+    sender: Connection,
+    stderr: IO[bytes],
+    function: str,
+    args: Any,
+    kwargs: Any,
+    gives_progress: bool,
+) -> None:
     module, _, name = function.partition(":")
     value, seconds, error = None, 0.0, None
     try:
@@ -109,6 +123,8 @@ def _run(sender: Connection, stderr: IO[bytes], function: str, args: Any, kwargs
         # Of a process without standard streams, the pipe may bear one of these numbers.
         for stream in {1, 2} - {sender.fileno()}:
             os.dup2(stderr.fileno(), stream)
+        if gives_progress:
+            kwargs["progress"] = _telling(sender)
         start = perf_counter()
         value = callee(*args, **kwargs)
         seconds = perf_counter() - start
@@ -118,6 +134,20 @@ def _run(sender: Connection, stderr: IO[bytes], function: str, args: Any, kwargs
         sender.send((value, seconds, error))
     except Exception as unsent:
         sender.send((None, 0.0, RuntimeError(str(error or unsent))))
+
+
+def _telling(sender: Connection) -> Progress:
+    """A callback that sends word to the parent, now and then."""
+    told = -_PAUSE
+
+    def progress(done: int, total: int) -> None:
+        nonlocal told
+        now = perf_counter()
+        if now - told >= _PAUSE:
+            told = now
+            sender.send((done, total))
+
+    return progress
 
 
 def _confine() -> None:

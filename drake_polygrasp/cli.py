@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from drake_polygrasp.child_process import Task, call_in_child
+from drake_polygrasp.child_process import READ_SECONDS, WORK_SECONDS, Task, call_in_child
 from drake_polygrasp.command_line import make_parser
 from drake_polygrasp.errors import PolygraspError, UsageError
 
@@ -81,11 +81,20 @@ def _say(message: str) -> None:
             print(" ".join(message.splitlines()), file=sys.stderr, flush=True)
 
 
+def _task(
+    arguments: argparse.Namespace, name: str, unit: str = "", seconds: float = WORK_SECONDS
+) -> Task:
+    """What a child is to do; machines that read JSON through a pipe are told no progress."""
+    quiet = getattr(arguments, "json", False) and not sys.stdout.isatty()
+    return Task(name, seconds, unit, quiet)
+
+
 def _load(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
     """The object, and the seconds it took to load; warnings are printed."""
     object_, seconds = call_in_child(
         "drake_polygrasp.loading.object_model:load_object",
         arguments.model,
+        task=_task(arguments, f"reading {arguments.model}", seconds=READ_SECONDS),
         body_name=arguments.body,
         mu=arguments.mu,
         package_paths=arguments.package_path,
@@ -103,6 +112,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
     object_, load_seconds = _load(arguments)
 
     from drake_polygrasp.grasp_file import grasp_document, save_grasps
+    from drake_polygrasp.plant_table import MOST_ASKED, holds_in_plant
     from drake_polygrasp.tables import gap_document, gap_lines, no_grasp_message, plan_table
 
     if arguments.gap is not None:
@@ -110,9 +120,9 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
     plan, _ = call_in_child(
         "drake_polygrasp.pipeline:plan_grasps",
         object_,
-        task=Task(f"planning grasps of {arguments.model}"),
+        task=_task(arguments, f"planning grasps of {arguments.model}"),
         method=arguments.method,
-        top=arguments.top,
+        top=MOST_ASKED * arguments.top if arguments.plant else arguments.top,
         rank=arguments.rank,
         effort=arguments.effort,
         edge_clearance=arguments.edge_clearance,
@@ -120,6 +130,8 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
         avoid_directions=arguments.avoid_direction,
         exclude_faces=arguments.exclude_faces,
     )
+    if arguments.plant and plan.grasps:
+        plan = _in_plant(arguments, object_, plan)
     if plan.grasps:
         # Without it, the friction stated here would look better than the model's.
         override = {} if arguments.mu is None else {"mu": arguments.mu}
@@ -128,6 +140,8 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
         _complain(no_grasp_message(arguments.model, object_, plan, output), FAILED)
     gap = None if arguments.gap is None else _gap(arguments, object_, plan)
     code = DONE if plan.grasps else FAILED
+    if arguments.plant and plan.grasps and not any(map(holds_in_plant, plan.grasps)):
+        code = _complain(f"{output}: none of the grasps holds in a plant", FAILED)
     if not arguments.json:
         table = [plan_table(arguments.model, object_, plan, output)] if plan.grasps else []
         return code, "\n".join(table + (gap_lines(gap) if gap else []))
@@ -147,13 +161,26 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
     )
 
 
+def _in_plant(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -> GraspPlan:
+    ranked: GraspPlan
+    ranked, _ = call_in_child(
+        "drake_polygrasp.plant_ranking:rank_in_plant",
+        object_,
+        plan,
+        task=_task(arguments, f"holding grasps of {arguments.model} in a plant", "grasps"),
+        top=arguments.top,
+        package_paths=arguments.package_path,
+    )
+    return ranked
+
+
 def _gap(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -> Gap:
     gap: Gap
     gap, _ = call_in_child(
         "drake_polygrasp.gap:epsilon_gap",
         object_,
         plan,
-        task=Task(f"bounding grasps of {arguments.model}"),
+        task=_task(arguments, f"bounding grasps of {arguments.model}", "nodes"),
         **({"nodes": arguments.gap} if arguments.gap else {}),
     )
     return gap
@@ -170,7 +197,7 @@ def _verify(arguments: argparse.Namespace) -> tuple[int, str]:
     report, _ = call_in_child(
         "drake_polygrasp.verification:verify_file",
         arguments.file,
-        task=Task(f"verifying {arguments.file}"),
+        task=_task(arguments, f"verifying {arguments.file}", "grasps"),
         package_paths=arguments.package_path,
         plant=arguments.plant,
     )
@@ -202,7 +229,7 @@ def _explain(arguments: argparse.Namespace) -> tuple[int, str]:
     explanation, _ = call_in_child(
         "drake_polygrasp.pipeline:explain_sets",
         object_,
-        task=Task(f"explaining {arguments.model}"),
+        task=_task(arguments, f"explaining {arguments.model}"),
         method=arguments.method,
         edge_clearance=arguments.edge_clearance,
         tip_radius=arguments.tip_radius,
@@ -242,7 +269,7 @@ def _show(arguments: argparse.Namespace) -> tuple[int, str]:
     elif arguments.body is not None or arguments.mu is not None:
         raise UsageError(f"{name}: a grasp file states its body and friction; leave them out")
     maker = f"drake_polygrasp.visualization.show:exhibit_{kind}"
-    exhibit, _ = call_in_child(maker, name, task=Task(f"showing {name}"), **options)
+    exhibit, _ = call_in_child(maker, name, task=_task(arguments, f"showing {name}"), **options)
     _warn(exhibit.object_.warnings)
     code = DONE
     if not exhibit.grasps:

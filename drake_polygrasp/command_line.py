@@ -148,6 +148,13 @@ def _add_plan(commands: Any) -> None:
         "curved or noisy surfaces",
     )
     parser.add_argument(
+        "--plant",
+        action="store_true",
+        help="have grasps hold the model in a MultibodyPlant, best first, until K of them hold or "
+        "2 K were asked about; those that fail are written behind those that hold, all with their "
+        "verdicts",
+    )
+    parser.add_argument(
         "-o",
         "--output",
         metavar="FILE",

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_polygrasp.arguments import check_callback, check_count, check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.wrench_space import epsilon_interval
@@ -18,6 +19,7 @@ from drake_polygrasp.plan_settings import exclusion_of
 from drake_polygrasp.planning.optimum import Optimum, bound_optimum
 from drake_polygrasp.planning.search import Triples
 from drake_polygrasp.planning.tip_room import with_tip_room
+from drake_polygrasp.progress import Progress, no_progress
 
 NODES = 100_000
 """About a minute, ours."""
@@ -59,7 +61,13 @@ class Gap:
         return self.epsilon_bound / self.epsilon - 1.0 if self.epsilon else None
 
 
-def epsilon_gap(object_: GraspObject, plan: GraspPlan, *, nodes: int = NODES) -> Gap:
+def epsilon_gap(
+    object_: GraspObject,
+    plan: GraspPlan,
+    *,
+    nodes: int = NODES,
+    progress: Progress | None = None,
+) -> Gap:
     """Bounds epsilon over all contacts that keep the plan's distance from edges.
 
     The bound also holds where fingertips must have room, of which it takes no account: room, like
@@ -71,13 +79,16 @@ def epsilon_gap(object_: GraspObject, plan: GraspPlan, *, nodes: int = NODES) ->
         plan: from `plan_grasps`.
         nodes: how many triples of pieces of faces to bound at most; the same number, the same
             answer.
+        progress: called with how many were bounded so far, and `nodes`.
 
     Raises:
         UsageError: when nodes is less than 1, or the body has patches of a curved or noisy
             surface: contacts of these leave the planes that the bound is for.
     """
-    if nodes < 1:
-        raise UsageError(f"nodes is {nodes}; it must be at least 1")
+    check_instance("object_", object_, GraspObject, "as load_object returns it")
+    check_instance("plan", plan, GraspPlan, "as plan_grasps returns it")
+    nodes = check_count("nodes", nodes)
+    check_callback("progress", progress)
     require_planar(object_)
     regions = _regions(object_, plan)
     scale = object_.p_BBcm, object_.rho
@@ -90,7 +101,9 @@ def epsilon_gap(object_: GraspObject, plan: GraspPlan, *, nodes: int = NODES) ->
             best, epsilon = (rank, lower) if lower > epsilon else (best, epsilon)
     tip_radius = plan.settings["tip_radius"]
     roomy = with_tip_room(regions, object_.polyhedron, tip_radius)
-    optimum = bound_optimum(regions, *scale, _known(regions, plan), epsilon, nodes, roomy)
+    optimum = bound_optimum(
+        regions, *scale, _known(regions, plan), epsilon, nodes, roomy, progress or no_progress
+    )
     # Obstacles are not part of the plan's settings, only their names.
     obstructed = "obstacles" in plan.settings
     better = None if obstructed else _better(object_, regions, optimum, epsilon, tip_radius)

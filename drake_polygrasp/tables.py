@@ -8,6 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.plant_block import plant_document
+from drake_polygrasp.plant_table import (
+    aligned,
+    plan_plant_lines,
+    plant_column,
+    verified_plant_column,
+    verified_plant_lines,
+)
 
 if TYPE_CHECKING:
     from drake_polygrasp.gap import Gap
@@ -43,11 +50,15 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
     header = ("rank", "faces", "kind", "Q", "margin", "epsilon", "mu_min", "placement", "squeeze")
     units = ("", "", "", "", "", "", "", "[mm]", "[N]")
     rows = [_grasp_row(rank, grasp) for rank, grasp in enumerate(plan.grasps, start=1)]
+    in_plant = plant_column(plan.grasps)
     return "\n".join(
         [
             f"{_head(model, len(object_.polyhedron.faces), plan.excluded_faces, plan.num_sets)}, "
             f"{plan.num_certified} certified{_not_evaluated(plan)}",
-            *_aligned([header, units, *rows]),
+            *aligned(
+                [(*row, *cell) for row, cell in zip([header, units, *rows], in_plant, strict=True)]
+            ),
+            *plan_plant_lines(plan.grasps),
             *_placement_note(object_, plan.grasps),
             f"wrote {output}",
         ]
@@ -150,14 +161,10 @@ def _friction_hint(mu_needed: float | None) -> str:
 
 def verify_table(report: Report) -> str:
     """One row a grasp, and below it a sentence for each line that has something to say."""
-    has_plant = any(grasp.plant or grasp.stated_plant for grasp in report.grasps)
+    in_plant = verified_plant_column(report)
     rows = [
-        (
-            str(rank),
-            *(str(line.status) for line in grasp.lines.values()),
-            *([_plant_cell(grasp)] if has_plant else []),
-        )
-        for rank, grasp in enumerate(report.grasps, start=1)
+        (str(rank), *(str(line.status) for line in grasp.lines.values()), *cell)
+        for rank, (grasp, cell) in enumerate(zip(report.grasps, in_plant[1:], strict=True), start=1)
     ]
     remarks = [
         f"grasp {rank}, {name}: {line.reason}"
@@ -173,37 +180,12 @@ def verify_table(report: Report) -> str:
     return "\n".join(
         [
             f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",
-            *_aligned([("rank", "FORCES", "SURFACE", "NUMBERS", "PLANT")[: 4 + has_plant], *rows]),
+            *aligned([("rank", "FORCES", "SURFACE", "NUMBERS", *in_plant[0]), *rows]),
             *remarks,
-            *_plant_lines(report),
+            *verified_plant_lines(report),
             summary if rows else "the file holds no grasp",
         ]
     )
-
-
-def _plant_cell(grasp: GraspReport) -> str:
-    """A plant's verdict, or that of the file, which was not asked for again."""
-    if grasp.plant is not None:
-        return str(grasp.plant.verdict)
-    return "-" if grasp.stated_plant is None else f"stated: {grasp.stated_plant.verdict}"
-
-
-def _plant_lines(report: Report) -> list[str]:
-    """A row for each verdict of a plant, with what is left until it would not hold."""
-    rows = [
-        (
-            str(rank),
-            v.name,
-            str(v.verdict),
-            "-" if v.margin is None else f"{v.margin:.3g}",
-            "" if v.unit == "1" else v.unit,
-            v.reason,
-        )
-        for rank, grasp in enumerate(report.grasps, start=1)
-        if grasp.plant is not None
-        for v in grasp.plant.verdicts
-    ]
-    return _aligned([("rank", "check", "verdict", "margin", "unit", ""), *rows]) if rows else []
 
 
 def verify_document(report: Report, holds: bool | None) -> dict[str, Any]:
@@ -268,7 +250,7 @@ def _distinct(sets: list[list[int]]) -> list[list[int]]:
 def all_sets_table(document: Mapping[str, Any]) -> str:
     """How many sets of faces end with each reason."""
     rows = [(str(n), reason, *MEANING[reason]) for reason, n in document["reasons"].items()]
-    lines = [_document_head(document), *_aligned([("sets", "reason", "step", "meaning"), *rows])]
+    lines = [_document_head(document), *aligned([("sets", "reason", "step", "meaning"), *rows])]
     if not document["reasons"].get("certified"):
         lines.append(f"no certified grasp{_friction_hint(document['mu_needed'])}")
     return "\n".join(lines)
@@ -281,7 +263,7 @@ def one_set_table(document: Mapping[str, Any]) -> str:
         for item in document["sets"]
     ]
     return "\n".join(
-        [_document_head(document), *_aligned([("faces", "reason", "step", "meaning"), *rows])]
+        [_document_head(document), *aligned([("faces", "reason", "step", "meaning"), *rows])]
     )
 
 
@@ -296,17 +278,3 @@ def _head(model: str, num_faces: int, excluded: Sequence[int], num_sets: int) ->
     )
     avoided = f" (excluded: {named})" if excluded else ""
     return f"{model}: {num_faces} faces{avoided}, {num_sets} sets of faces"
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows as lines: columns of numbers stand on the right, text on the left."""
-    columns = list(zip(*rows, strict=True))
-    widths = [max(map(len, column)) for column in columns]
-    numeric = [not column[-1][:1].isalpha() and "," not in column[-1] for column in columns]
-    return [
-        "  ".join(
-            cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(row, widths, numeric, strict=True)
-        ).rstrip()
-        for row in rows
-    ]

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from drake_polygrasp.arguments import check_callback, check_flag, check_paths
 from drake_polygrasp.claims import ROUNDING, check_proof, force_faults, number_faults
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.exclusion import Exclusion
@@ -27,6 +28,7 @@ from drake_polygrasp.loading.model_source import find_packages, model_digest, re
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.plan_settings import exclusion_of
 from drake_polygrasp.plant_verdicts import PlantRecord
+from drake_polygrasp.progress import Progress, no_progress
 
 if TYPE_CHECKING:
     from drake_polygrasp.certification.in_plant import PlantReport
@@ -107,30 +109,45 @@ class _Model:
 
 
 def verify_file(
-    path: Path | str, package_paths: Sequence[Path | str] = (), *, plant: bool = False
+    path: Path | str,
+    package_paths: Sequence[Path | str] = (),
+    *,
+    plant: bool = False,
+    progress: Progress | None = None,
 ) -> Report:
-    """Check everything a grasp file claims.
+    """Checks everything a grasp file claims.
 
     Args:
         path: the grasp file, which is not changed.
         package_paths: folders searched for the packages of package:// URIs.
         plant: whether to have each grasp that is borne out hold the model in a MultibodyPlant,
             as `certify_in_plant` does.
+        progress: called with how many grasps are checked, and how many there are.
 
     Raises:
+        UsageError: when an argument is not what it may be.
         GraspFileError: when the file cannot be read or breaks the format.
         ModelError: when one of `package_paths` is no folder.
     """
+    package_paths = check_paths("package_paths", package_paths)
+    plant = check_flag("plant", plant)
+    check_callback("progress", progress)
     file = load_grasps(path)
     model, avoided = _find_model(file, package_paths), exclusion_of(file.plan)
+    tell = progress or no_progress
     # A file may state numbers of any size; every comparison below fails on what overflows.
     with np.errstate(all="ignore"):
-        grasps = tuple(
-            _verify_grasp(stated, file.object_, model, avoided) for stated in file.grasps
-        )
+        grasps: list[GraspReport] = []
+        for stated in file.grasps:
+            tell(len(grasps), len(file.grasps))
+            grasps.append(_verify_grasp(stated, file.object_, model, avoided))
     if plant and model.object_ is not None:
-        grasps = _with_plant(grasps, file, model.object_, package_paths)
-    return Report(file.path, grasps, model.line.status is not Status.NOT_CHECKED, model.warnings)
+        for i, stated in enumerate(file.grasps):
+            tell(i, len(file.grasps))
+            grasps[i] = _with_plant(grasps[i], stated, model.object_, package_paths)
+    return Report(
+        file.path, tuple(grasps), model.line.status is not Status.NOT_CHECKED, model.warnings
+    )
 
 
 def _verify_grasp(
@@ -149,29 +166,21 @@ def _verify_grasp(
 
 
 def _with_plant(
-    grasps: Sequence[GraspReport],
-    file: GraspFile,
+    report: GraspReport,
+    stated: StatedGrasp,
     object_: GraspObject,
     package_paths: Sequence[Path | str],
-) -> tuple[GraspReport, ...]:
-    """The reports with what a plant says of grasps whose lines all hold."""
+) -> GraspReport:
+    """The report with what a plant says of the grasp, if its lines all hold."""
     # Simulation is loaded by those who ask for it.
     from drake_polygrasp.certification.in_plant import certify_in_plant
 
-    return tuple(
-        replace(
-            report,
-            plant=certify_in_plant(
-                object_,
-                stated,
-                tip_radius=stated.tip_radius or 0.0,
-                package_paths=package_paths,
-            ),
-        )
-        if all(line.status is not Status.FAILED for line in report.lines.values())
-        else report
-        for report, stated in zip(grasps, file.grasps, strict=True)
+    if any(line.status is Status.FAILED for line in report.lines.values()):
+        return report
+    said = certify_in_plant(
+        object_, stated, tip_radius=stated.tip_radius or 0.0, package_paths=package_paths
     )
+    return replace(report, plant=said)
 
 
 def _line(passed: Status, faults: Iterable[str]) -> Line:

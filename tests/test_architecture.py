@@ -35,7 +35,7 @@ PURE = [
 ]
 ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
-    ("errors", "arrays", "arguments", "vectors", "digits"),
+    ("errors", "arrays", "arguments", "progress", "vectors", "digits"),
     ("geometry", "wrench", "facet_lines", "epsilon_bound"),
     ("plant_verdicts", "grasp"),
     ("input_file", "plain_yaml", "loading"),
@@ -49,10 +49,20 @@ LAYERS = (
         "pipeline",
         "gap",
         "plant_results",
+        "plant_ranking",
         "export",
         "systems",
     ),
-    ("visualization", "child_process", "tables", "command_line", "cli", "__main__"),
+    (
+        "visualization",
+        "progress_line",
+        "child_process",
+        "tables",
+        "plant_table",
+        "command_line",
+        "cli",
+        "__main__",
+    ),
 )
 """From the bottom up: nothing imports what stands in a later row."""
 

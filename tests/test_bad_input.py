@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import sys
 import time
@@ -353,6 +354,38 @@ def test_progress_is_shown_on_terminals_only(
     assert capsys.readouterr().err == ""
     call_in_child("tests.test_bad_input:sleep", 1.2, task=Task("sleeping"))
     assert capsys.readouterr().err == "\rsleeping ... 1 s\x1b[K\r\x1b[K"
+
+
+def test_progress_that_is_counted_comes_from_the_child(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    isatty: Callable[[], bool] = lambda: True  # noqa: E731
+    monkeypatch.setattr(sys.stderr, "isatty", isatty)
+    counting = Task("counting", unit="sheep")
+    value, _ = call_in_child("tests.test_bad_input:count_sheep", 12, task=counting)
+    assert value == 12
+    said = capsys.readouterr().err
+    assert re.match(r"\rcounting \.\.\. \d+ of 12 sheep, \d s\x1b\[K", said), said
+    assert said.endswith("\r\x1b[K")
+    quiet = Task("counting", unit="sheep", quiet=True)
+    call_in_child("tests.test_bad_input:count_sheep", 12, task=quiet)
+    assert capsys.readouterr().err == ""
+
+
+def count_sheep(number: int, progress: Callable[[int, int], None]) -> int:
+    for k in range(number):
+        progress(k, number)
+        time.sleep(0.11)
+    return number
+
+
+def test_a_child_that_gives_word_of_itself_is_not_stopped() -> None:
+    """The time allowed is from one word on progress to the next."""
+    patient = Task("counting", seconds=2.0, unit="sheep")
+    assert call_in_child("tests.test_bad_input:count_sheep", 25, task=patient)[0] == 25
+    hasty = Task("counting", seconds=0.05, unit="sheep")
+    with pytest.raises(ModelError, match=r"stopped after 0\.05 s"):
+        call_in_child("tests.test_bad_input:count_sheep", 25, task=hasty)
 
 
 def test_what_cannot_be_pickled_is_still_an_error() -> None:

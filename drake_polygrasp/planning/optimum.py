@@ -24,6 +24,7 @@ from drake_polygrasp.planning.face_support import (
 )
 from drake_polygrasp.planning.improvement import improved
 from drake_polygrasp.planning.search import NO_TRIPLES, Triples
+from drake_polygrasp.progress import Progress, no_progress
 from drake_polygrasp.wrench import force_closure
 
 TOLERANCE = 0.01
@@ -62,6 +63,7 @@ def bound_optimum(
     incumbent: float,
     nodes: int,
     roomy: Regions | None = None,
+    progress: Progress = no_progress,
 ) -> Optimum:
     """An upper bound of epsilon over all places of three contacts.
 
@@ -74,12 +76,14 @@ def bound_optimum(
         nodes: how many triples of triangles to bound at most.
         roomy: the regions less where fingertips have no room, in which to look for grasps
             better than those known.
+        progress: called with the triples bounded so far, and `nodes`.
     """
     roomy = roomy or regions
     best, goal = known.take(np.arange(0)), (1 + TOLERANCE) * incumbent
     cells, left = _roots(regions, p_BBcm, rho, _directions(regions, known, p_BBcm, rho), goal)
     count = 0
     while len(cells.bound) and cells.bound.max() > goal and count + 2 <= nodes:
+        progress(count, nodes)
         order = np.argsort(-cells.bound, kind="stable")
         batch = min(BATCH, (nodes - count) // 2)
         halves, estimate = bounded(regions, _halved(cells.take(order[:batch])), goal)
