@@ -21,8 +21,11 @@ from drake_polygrasp import load_object, plan_grasps, save_grasps, verify_file
 from drake_polygrasp.cli import main
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.geometry.obstacles import Obstacles
+from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.geometry.seating import edge_distance
 from drake_polygrasp.grasp_file import load_grasps
 from drake_polygrasp.planning.outcome import REASONS
+from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.verification import Status
 
 ROOT = Path(__file__).parents[1]
@@ -98,14 +101,19 @@ def test_every_reason_is_explained_once() -> None:
 
 def test_without_a_clearance_the_text_puts_contacts_on_edges() -> None:
     channel = load_object(MODELS / "u_channel" / "u_channel.sdf")
+    polyhedron = channel.polyhedron
+    size = channel.p_BBcm, polyhedron.diameter, channel.rho
 
-    def least_room(edge_clearance: float | None) -> float:
-        plan = plan_grasps(
-            channel, method="paper", edge_clearance=edge_clearance, tip_radius=0.0, top=100
-        )
-        return min(grasp.certificate.placement_tolerance for grasp in plan.grasps)
+    def on_edges(edge_clearance: float | None) -> int:
+        regions = erode(polyhedron, edge_clearance)
+        built = plan_sets(regions, *size, "paper").candidates
+        built = built.take(np.isfinite(built.p_BC).all(axis=(1, 2)))
+        faces = regions.face[built.region]
+        room = edge_distance(polyhedron, built.p_BC.reshape(-1, 3), faces.ravel())
+        return int((room.reshape(-1, 3).min(axis=1) < 1e-9 * polyhedron.diameter).sum())
 
-    assert least_room(0.0) < 1e-9 < least_room(None)
+    assert on_edges(0.0) >= 10
+    assert on_edges(None) == 0
 
 
 # The grasp file.
