@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pydrake.geometry import Meshcat
 
+from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification import simulation
 from drake_polygrasp.certification.holding import Holding, normal_forces
@@ -50,8 +51,8 @@ def test_the_weight_of_the_cube_is_what_is_assumed_here() -> None:
 @pytest.mark.parametrize("along", [Y, -Y, Z, -Z])
 def test_a_squeeze_of_weight_over_mu_is_the_limit_of_friction(along: Array) -> None:
     # All friction is along the weight: mu S = W, with S = 4 W at mu = 0.25.
-    assert cube_outcome(0.25 * 1.1, along=along).margin > 0
-    assert cube_outcome(0.25 * 0.9, along=along).margin < 0
+    assert cube_outcome(0.25 * 1.02, along=along).margin > 0
+    assert cube_outcome(0.25 * 0.98, along=along).margin < 0
 
 
 @pytest.mark.parametrize("along", [X, -X])
@@ -82,6 +83,35 @@ def test_half_of_the_least_friction_drops_what_the_friction_of_the_plan_holds() 
     assert mu_min > 0.05
     assert planned("skewed_block").margin > 0
     assert planned("skewed_block", mu_min / 2).margin < 0
+
+
+def test_what_is_squeezed_hard_creeps_no_more_for_it() -> None:
+    # Friction of a tenth takes ten times the squeeze; both use the same share of it.
+    creep = [cube_outcome(mu, 1 / mu * 1.1 * WEIGHT).creep for mu in (0.2, 0.02)]
+    assert min(creep) > 0.5
+
+
+@pytest.mark.parametrize(("name", "rank"), [("octahedron", 10), ("frustum", 9)])
+def test_near_the_limit_of_friction_it_holds_until_it_is_not_enough(name: str, rank: int) -> None:
+    plan = plan_grasps(model(name), top=10)
+    certified = plan.grasps[rank - 1]
+    mu_min = certified.certificate.mu_min
+    assert mu_min > 0.7 * certified.grasp.mu.max()
+    scene = make_scene(model(name), certified.grasp, plan.settings["tip_radius"])
+    loads = plan_loads(scene)
+    assert isinstance(loads, LoadPlan)
+    assert outcome(scene, loads.squeeze_f_B, loads.holding).margin > 0.5
+    weaker = replace(scene, grasp=replace(scene.grasp, mu=frozen([0.97 * mu_min] * 3)))
+    assert outcome(weaker, loads.squeeze_f_B, loads.holding).margin < 0
+
+
+def test_the_time_step_is_short_where_the_squeeze_is_hard() -> None:
+    scene = cube_scene()
+    slow = 0.1512 * 0.06 * np.sqrt(3)  # [kg m]: the squeeze over this, in 1/s^2
+    assert simulation.time_step(scene, 900 * slow) == 1e-3
+    assert simulation.time_step(scene, 2000 * slow) == pytest.approx(5e-4)
+    # It divides the time between samples.
+    assert simulation.time_step(scene, 2100 * slow) == pytest.approx(0.01 / 21)
 
 
 def test_a_grasp_without_least_friction_needs_what_bears_the_weight() -> None:

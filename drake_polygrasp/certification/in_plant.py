@@ -110,12 +110,13 @@ def certify_in_plant(
             PlantVerdict("simulation", plan.verdict, None, "1", plan.reason),
         )
         return PlantReport((*mathematics, geometry, *rest), settings)
+    squeeze = plan.holding.squeeze
     equilibria = ask_drake(lambda: statics.find_equilibria(scene, plan.weight))
     trace = ask_drake(lambda: simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat))
     held = _statics(plan, equilibria), _simulation(scene, plan, trace)
     return PlantReport(
         (*mathematics, geometry, *held),
-        settings | {"squeeze": plan.holding.squeeze},
+        settings | {"squeeze": squeeze, "time_step": simulation.time_step(scene, squeeze)},
         () if isinstance(equilibria, Refusal) else equilibria,
         None if isinstance(trace, Refusal) else trace,
         plan.labels,

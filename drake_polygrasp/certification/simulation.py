@@ -12,6 +12,7 @@ a crate are judged alike.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,8 +39,13 @@ from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.holding import Holding, normal_forces
 from drake_polygrasp.certification.scratch_plant import Scene, add_pads, add_surface, add_tip
 
-TIME_STEP = 1e-3
+MAX_TIME_STEP = 1e-3
 """[s]"""
+MAX_SPEED_STEP = 1.0
+"""[1/s], ours: of the squeeze times the time step, over the object's mass and diameter. Drake's
+contact gives way, however much friction is left, at about a thousandth of the impulse of a step
+over the mass, so that what is squeezed a hundred times as hard as it weighs creeps for numerical
+reasons alone; such steps keep that below a third of `MAX_CREEP`."""
 SAMPLE = 0.01
 """[s] between samples, at which commands change too."""
 SETTLE_TIME = 0.1
@@ -53,16 +59,17 @@ TIP_TRAVEL = 0.03
 which creeps within the bounds changes no force by more than a few percent."""
 CONTACT_STIFFNESS = 1000.0
 """Times the spring's, ours: contact takes a thousandth of the spring's travel from its force."""
-STICTION_SPEED = 1e-3
-"""[L/s], ours: sticking contacts creep about this fast at 0.7 of their friction."""
+STICTION_SPEED = 1e-4
+"""[L/s], ours: sticking contacts creep about this fast at 0.7 of their friction, and ten times as
+fast at 0.995: up to its limit, as Coulomb's, friction holds."""
 MAX_CREEP = 3e-3
-"""[L/s], ours: at three times the stiction speed a contact uses 0.95 of its friction."""
+"""[L/s], ours: what creeps faster slides or rolls out of the grasp within seconds."""
 MAX_SLIP = 2e-3
 """Times L, ours: what a load may add to the sideways motion of a contact on its tip."""
 FORCE_TOLERANCE = 0.05
 """Ours: settled normal forces are within this of those planned, relative to their mean."""
-TIP_MASS = 0.1
-"""Times the object's, ours."""
+TIP_MASS = 1.0
+"""Times the object's, ours: fingers are no lighter than what they hold."""
 _OBJECT_COLOUR = np.array([0.6, 0.6, 0.6, 0.5])
 _TIP_COLOUR = np.array([0.9, 0.4, 0.1, 1.0])
 
@@ -100,11 +107,22 @@ class Outcome:
         return max(left, -1.0) if self.lost is None else -1.0
 
 
+def time_step(scene: Scene, squeeze: float) -> float:
+    """Returns the time step [s]: the longest that divides `SAMPLE` and that Drake's contact bears.
+
+    Args:
+        scene: object and fingertips.
+        squeeze: total normal force [N].
+    """
+    mass, L = scene.solid.M_BBo_B.get_mass(), scene.object_.polyhedron.diameter
+    longest = min(MAX_TIME_STEP, MAX_SPEED_STEP * mass * L / squeeze)
+    return SAMPLE / math.ceil(float(SAMPLE / longest) * (1 - 1e-9))
+
+
 def settings() -> dict[str, Any]:
-    """The parameters of every simulation, for reports."""
+    """The parameters that all simulations share, for reports."""
     return {
         "contact_approximation": "lagged",
-        "time_step": TIME_STEP,
         "settle_time": 2 * SETTLE_TIME,
         "load_time": RAMP_TIME + HOLD_TIME,
         "tip_mass_per_object_mass": TIP_MASS,
@@ -171,7 +189,8 @@ class _Harness:
         self._scene, self._squeeze = scene, squeeze
         self._stiffness = float(squeeze.sum()) / (TIP_TRAVEL * scene.object_.polyhedron.diameter)
         builder = DiagramBuilder()
-        self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, TIME_STEP)
+        step = time_step(scene, float(squeeze.sum()))
+        self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
         self._body, self._tips = self._add_bodies()
         self._finish_plant()
         self._visualizer = None
