@@ -168,6 +168,13 @@ def _num_sets(num_regions: int) -> int:
     return comb(num_regions, 3) + comb(num_regions, 2)
 
 
+def with_sets(sets: Ints, more: Ints) -> Ints:
+    """Sets (M, 3), and those of more (K, 3) that are not among them, both without repetition."""
+    greatest = int(max(sets.max(initial=0), more.max(initial=0)))
+    is_new = ~np.isin(set_keys(more, greatest), set_keys(sets, greatest))
+    return np.concatenate([sets, more[is_new]])
+
+
 def rows_of(sets: Ints, wanted: Ints) -> Ints:
     """Where each wanted set is among the sets, which hold it."""
     greatest = int(sets.max(initial=0))

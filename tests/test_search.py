@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 from benchmarks import measure
+from benchmarks.hard_objects import stellated
 from benchmarks.peers import random_triples
 from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array, Ints
@@ -210,3 +211,17 @@ def test_while_nothing_holds_the_search_goes_on(monkeypatch: pytest.MonkeyPatch)
     points = sample_points(regions, FULL.points)
     assert len(best_triples(regions, points, box.p_BBcm, box.rho).region)
     assert len(looked) == 1 + passes <= search.MOST_PASSES
+
+
+def test_faces_of_equal_size_all_have_corners_where_too_few_points_would_be_left() -> None:
+    octahedron = 0.05 * np.concatenate([np.eye(3), -np.eye(3)])
+    regions = erode(solid(stellated(octahedron, 1.5)).polyhedron)
+    assert len(regions.face) == 24
+    one_each, _ = sample_points(regions, 100)
+    assert np.bincount(one_each).tolist() == [1] * 24
+    region, p_FC = sample_points(regions, 100, may_exceed=True)
+    count = np.bincount(region)
+    assert 4 <= count.min() == count.max() <= 8
+    corners = shapely.get_coordinates(regions.polygon_F[0])
+    own = shapely.multipoints(p_FC[region == 0])
+    assert shapely.distance(own, shapely.points(corners)).max() < 1e-9

@@ -17,6 +17,9 @@ MORE_POINTS = 2.5
 """Times the points on objects of few regions, up to so many in all, ours."""
 LEAST_A_REGION = 1.3
 """Ours, where that is more."""
+SCARCE = 1.5
+"""Ours: times fewer points than asked for are far fewer; up to the square of it times more are
+not far more."""
 OUTLINE = 0.05
 """Times the distance of points, ours: regions of scans have corners that are none."""
 
@@ -28,11 +31,16 @@ def num_points(num_regions: int, effort: Effort) -> int:
     return min(int(wanted), effort.most_points)
 
 
-def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
+def sample_points(regions: Regions, num: int, *, may_exceed: bool = False) -> tuple[Ints, Array]:
     """A point in the middle of each region and others on rings, equally far apart.
 
-    About `num` points; of more regions only the largest have one. The best contacts are often at a
-    region's corners, which the outermost ring includes.
+    The best contacts are often at a region's corners, which the outermost ring includes.
+
+    Args:
+        regions: where contacts may be.
+        num: about how many points; of more regions only the largest have one.
+        may_exceed: whether regions of equal size, which all have a ring or none, may have more
+            points than that where without rings they have far fewer.
 
     Returns:
         Region, shape (N,), and coordinates in the face's frame [m], shape (N, 2).
@@ -41,7 +49,7 @@ def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
     largest = np.argsort(-regions.area[filled], kind="stable")[:num]
     row = filled[np.sort(largest)]
     level = regions.polygon_F[row]
-    spacing = _spacing(level, num)
+    spacing = _spacing(level, num, may_exceed)
     middle = shapely.centroid(level)
     inside = shapely.intersects(level, middle)
     middle = np.where(inside, middle, shapely.point_on_surface(level))
@@ -58,16 +66,21 @@ def sample_points(regions: Regions, num: int) -> tuple[Ints, Array]:
     return np.concatenate(region), np.concatenate(p_FC)
 
 
-def _spacing(polygons: npt.NDArray[np.object_], num: int) -> float:
+def _spacing(polygons: npt.NDArray[np.object_], num: int, may_exceed: bool) -> float:
     """The distance between points that gives about `num` of them [m]."""
     area, length = shapely.area(polygons), shapely.length(polygons)
+
+    def count(spacing: float) -> float:
+        wide = area > (0.7 * spacing) ** 2
+        rings = np.where(wide, length / spacing + area / spacing**2, 0.0)
+        return float(len(area) + rings.sum())
+
     low, high = 1e-4 * np.sqrt(area.sum()), 10 * np.sqrt(area.sum())
     for _ in range(12):  # to a third of a percent
         middle = np.sqrt(low * high)
-        wide = area > (0.7 * middle) ** 2
-        count = len(area) + np.where(wide, length / middle + area / middle**2, 0.0).sum()
-        low, high = (middle, high) if count > num else (low, middle)
-    return float(high)
+        low, high = (middle, high) if count(middle) > num else (low, middle)
+    is_scarce = may_exceed and num > SCARCE * count(high) and count(low) < SCARCE**2 * num
+    return float(low if is_scarce else high)
 
 
 def _rings(polygons: npt.NDArray[np.object_]) -> tuple[Array, Ints]:

@@ -82,13 +82,13 @@ def best_triples(
     if len(region) < 3:
         return NO_TRIPLES
     p_BC = points_on(regions, region, p_FC)
-    cones = frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
+    cones = cones_at(regions, region, p_BC, p_BBcm, rho)
     is_many = len(region) >= MANY_POINTS
     strides = effort.strides if is_many else effort.strides[-2:]
     w, found = spread_directions(cones, SHELLS if is_many else SHELLS[:-1]), NO_TRIPLES
     for number in range(MOST_PASSES):
         some = np.arange(0, len(region), strides[min(number, len(strides) - 1)])
-        rows = some[cover(_support(cones[some], w), max(effort.kept, len(some)))]
+        rows = some[cover(cone_support(cones[some], w), max(effort.kept, len(some)))]
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
         holds = triples.take(holding)
@@ -99,7 +99,7 @@ def best_triples(
         sources = joined(
             _first_of_sets(holds, effort.sources), _first_of_sets(slips, effort.sources)
         )
-        w = np.concatenate([w, _weakest(regions, sources, p_BBcm, rho)])
+        w = np.concatenate([w, weakest_directions(regions, sources, p_BBcm, rho)])
     return found
 
 
@@ -127,13 +127,29 @@ def _even_directions(shells: tuple[int, ...]) -> Array:
     return frozen(lattice[np.isin((lattice**2).sum(axis=1), shells)])
 
 
+def cones_at(regions: Regions, region: Ints, p_BC: Array, p_BBcm: Array, rho: float) -> Array:
+    """`frame_wrenches` of points of regions: each the inward normal and two tangents mu long.
+
+    Args:
+        regions: where the contacts are.
+        region: the region of each, shape (N,).
+        p_BC: [m], shape (N, 3).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+
+    Returns:
+        Shape (N, 3, 6).
+    """
+    return frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
+
+
 def _frames(regions: Regions) -> Array:
     """Inward normal and two tangents of each region as rows, shape (R, 3, 3)."""
     x, y, z = np.moveaxis(regions.R_BF, 2, 0)
     return np.stack([-z, x, y], axis=1)
 
 
-def _support(cones: Array, w: Array) -> Singles:
+def cone_support(cones: Array, w: Array) -> Singles:
     """h_i(w) of the contacts of cones (N, 3, 6) in directions (K, 6), shape (N, K).
 
     In single precision, for it only guides the search and there is much of it.
@@ -143,7 +159,8 @@ def _support(cones: Array, w: Array) -> Singles:
     return h
 
 
-def _weakest(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
+def weakest_directions(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
+    """The unit w that each of M triples resists least, some each, shape (K, 6)."""
     contacts = contacts_on(regions, triples.region, triples.p_BC)
     w, _ = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS, rotations=True)
     return w.reshape(-1, 6)
