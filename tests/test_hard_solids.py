@@ -9,7 +9,6 @@ import shapely
 from benchmarks.coverage import best_of_paper
 from benchmarks.hard_objects import stellated
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.pipeline import plan_grasps
 from tests.convex_polyhedra import prism
 from tests.solids import solid
