@@ -29,6 +29,11 @@ if TYPE_CHECKING:
     from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.loading.plant_object import object_from_plant
     from drake_polygrasp.loading.plant_obstacles import obstacles_from_plant
+    from drake_polygrasp.loading.surroundings import (
+        Surroundings,
+        load_surroundings,
+        surroundings_from_plant,
+    )
     from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
     from drake_polygrasp.plant_ranking import rank_in_plant
     from drake_polygrasp.plant_verdicts import PlantRecord, PlantVerdict
@@ -55,6 +60,7 @@ __all__ = [
     "PlantVerdict",
     "PolygraspError",
     "Report",
+    "Surroundings",
     "UsageError",
     "__version__",
     "certify_in_plant",
@@ -64,11 +70,13 @@ __all__ = [
     "export_directives",
     "load_grasps",
     "load_object",
+    "load_surroundings",
     "object_from_plant",
     "obstacles_from_plant",
     "plan_grasps",
     "rank_in_plant",
     "save_grasps",
+    "surroundings_from_plant",
     "verify_file",
 ]
 
@@ -83,6 +91,7 @@ _HOMES = {
     "loading.object_model": ("load_object",),
     "loading.plant_object": ("object_from_plant",),
     "loading.plant_obstacles": ("obstacles_from_plant",),
+    "loading.surroundings": ("Surroundings", "load_surroundings", "surroundings_from_plant"),
     "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
     "plant_ranking": ("rank_in_plant",),
     "plant_verdicts": ("PlantRecord", "PlantVerdict"),

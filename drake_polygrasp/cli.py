@@ -194,12 +194,15 @@ def _default_output(model: str) -> Path:
 def _verify(arguments: argparse.Namespace) -> tuple[int, str]:
     if arguments.output is not None and not arguments.plant:
         raise UsageError("-o writes what a plant says of the grasps: add --plant")
+    if arguments.scene is not None and not arguments.plant:
+        raise UsageError("--scene is for the plant that grasps are checked in: add --plant")
     report, _ = call_in_child(
         "drake_polygrasp.verification:verify_file",
         arguments.file,
         task=_task(arguments, f"verifying {arguments.file}", "grasps"),
         package_paths=arguments.package_path,
         plant=arguments.plant,
+        scene=arguments.scene,
     )
     _warn(report.warnings)
     holds = report.holds

@@ -181,6 +181,13 @@ def _add_verify(commands: Any) -> None:
         "simulation",
     )
     parser.add_argument(
+        "--scene",
+        metavar="DIRECTIVES",
+        type=Path,
+        help="with --plant: a file of model directives that hold the object and other bodies, "
+        "which no fingertip may penetrate (default: the object alone)",
+    )
+    parser.add_argument(
         "-o",
         "--output",
         metavar="NEW",

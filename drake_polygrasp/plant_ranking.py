@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from drake_polygrasp.arguments import check_callback, check_count, check_instance
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject, Verdict
 from drake_polygrasp.pipeline import GraspPlan
 from drake_polygrasp.plant_verdicts import PlantRecord
 from drake_polygrasp.progress import Progress, no_progress
+
+if TYPE_CHECKING:
+    from drake_polygrasp.loading.surroundings import Surroundings
 
 _ORDER = (Verdict.HOLDS, Verdict.UNDECIDED, Verdict.FAILS)
 
@@ -22,6 +26,7 @@ def rank_in_plant(
     *,
     top: int | None = None,
     package_paths: Sequence[str | Path] = (),
+    surroundings: Surroundings | None = None,
     progress: Progress | None = None,
 ) -> GraspPlan:
     """Certifies a plan's grasps in plants, best first, until enough of them hold.
@@ -34,6 +39,7 @@ def rank_in_plant(
         plan: from `plan_grasps`: its grasps are asked about in their order.
         top: how many grasps that hold are enough (default: all of the plan's are asked about).
         package_paths: folders searched for the packages of package:// URIs.
+        surroundings: other bodies of the user's scene, as of `certify_in_plant`.
         progress: called with how many grasps were asked about, and how many there are.
 
     Returns:
@@ -58,7 +64,9 @@ def rank_in_plant(
         if sum(verdict is Verdict.HOLDS for verdict, _ in asked) >= wanted:
             break
         tell(len(asked), len(plan.grasps))
-        report = certify_in_plant(object_, grasp, package_paths=package_paths)
+        report = certify_in_plant(
+            object_, grasp, package_paths=package_paths, surroundings=surroundings
+        )
         record = PlantRecord(report.verdicts, report.settings, report.equilibria)
         asked.append((record.verdict, replace(grasp, plant=record)))
     asked.sort(key=lambda pair: _ORDER.index(pair[0]))  # stable

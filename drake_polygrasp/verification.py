@@ -18,7 +18,7 @@ import numpy as np
 
 from drake_polygrasp.arguments import check_callback, check_flag, check_paths
 from drake_polygrasp.claims import ROUNDING, check_proof, force_faults, number_faults
-from drake_polygrasp.errors import ModelError
+from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.exclusion import Exclusion
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
@@ -32,6 +32,7 @@ from drake_polygrasp.progress import Progress, no_progress
 
 if TYPE_CHECKING:
     from drake_polygrasp.certification.in_plant import PlantReport
+    from drake_polygrasp.loading.surroundings import Surroundings
 
 
 class Status(StrEnum):
@@ -113,6 +114,7 @@ def verify_file(
     package_paths: Sequence[Path | str] = (),
     *,
     plant: bool = False,
+    scene: Path | str | None = None,
     progress: Progress | None = None,
 ) -> Report:
     """Checks everything a grasp file claims.
@@ -122,16 +124,21 @@ def verify_file(
         package_paths: folders searched for the packages of package:// URIs.
         plant: whether to have each grasp that is borne out hold the model in a MultibodyPlant,
             as `certify_in_plant` does.
+        scene: with `plant`: model directives that hold the object and other bodies, which no
+            fingertip may penetrate at their default poses; see `load_surroundings`.
         progress: called with how many grasps are checked, and how many there are.
 
     Raises:
         UsageError: when an argument is not what it may be.
         GraspFileError: when the file cannot be read or breaks the format.
-        ModelError: when one of `package_paths` is no folder.
+        ModelError: when one of `package_paths` is no folder, or the scene cannot be loaded or does
+            not hold the object.
     """
     package_paths = check_paths("package_paths", package_paths)
     plant = check_flag("plant", plant)
     check_callback("progress", progress)
+    if scene is not None and not plant:
+        raise UsageError("a scene is for the plant that grasps are checked in: add plant=True")
     file = load_grasps(path)
     model, avoided = _find_model(file, package_paths), exclusion_of(file.plan)
     tell = progress or no_progress
@@ -142,9 +149,10 @@ def verify_file(
             tell(len(grasps), len(file.grasps))
             grasps.append(_verify_grasp(stated, file.object_, model, avoided))
     if plant and model.object_ is not None:
+        around = _surroundings(scene, model.object_, file, package_paths)
         for i, stated in enumerate(file.grasps):
             tell(i, len(file.grasps))
-            grasps[i] = _with_plant(grasps[i], stated, model.object_, package_paths)
+            grasps[i] = _with_plant(grasps[i], stated, model.object_, package_paths, around)
     return Report(
         file.path, tuple(grasps), model.line.status is not Status.NOT_CHECKED, model.warnings
     )
@@ -165,11 +173,26 @@ def _verify_grasp(
     return GraspReport(forces, surface, numbers, stated_plant=stated.plant)
 
 
+def _surroundings(
+    scene: Path | str | None,
+    object_: GraspObject,
+    file: GraspFile,
+    package_paths: Sequence[Path | str],
+) -> Surroundings | None:
+    if scene is None:
+        return None
+    from drake_polygrasp.loading.surroundings import load_surroundings
+
+    mu = file.plan.get("mu")
+    return load_surroundings(scene, object_, mu=mu, package_paths=package_paths)
+
+
 def _with_plant(
     report: GraspReport,
     stated: StatedGrasp,
     object_: GraspObject,
     package_paths: Sequence[Path | str],
+    surroundings: Surroundings | None,
 ) -> GraspReport:
     """The report with what a plant says of the grasp, if its lines all hold."""
     # Simulation is loaded by those who ask for it.
@@ -178,7 +201,11 @@ def _with_plant(
     if any(line.status is Status.FAILED for line in report.lines.values()):
         return report
     said = certify_in_plant(
-        object_, stated, tip_radius=stated.tip_radius or 0.0, package_paths=package_paths
+        object_,
+        stated,
+        tip_radius=stated.tip_radius or 0.0,
+        package_paths=package_paths,
+        surroundings=surroundings,
     )
     return replace(report, plant=said)
 

@@ -21,6 +21,7 @@ from pydrake.geometry import Meshcat
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact, simulation, statics
 from drake_polygrasp.certification.certify import Proof, prove
+from drake_polygrasp.certification.clearance import check_clearance
 from drake_polygrasp.certification.drake_calls import Refusal, ask_drake
 from drake_polygrasp.certification.geometry import check_geometry
 from drake_polygrasp.certification.holding import Holding, hold
@@ -29,6 +30,7 @@ from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, Verdict, grasp_of
 from drake_polygrasp.loading.object_model import Solid
+from drake_polygrasp.loading.surroundings import Surroundings
 from drake_polygrasp.plant_verdicts import PlantRecord, PlantVerdict
 
 LOAD_SHARE = 0.8
@@ -64,6 +66,7 @@ def certify_in_plant(
     *,
     tip_radius: float | None = None,
     package_paths: Sequence[str | Path] = (),
+    surroundings: Surroundings | None = None,
     meshcat: Meshcat | None = None,
 ) -> PlantReport:
     """Checks a grasp by mathematics, and in scratch plants with the object's own model.
@@ -78,6 +81,9 @@ def certify_in_plant(
         tip_radius: of spherical fingertips [m]; 0 for points, which small probes stand for
             (default: those that the grasp was planned for).
         package_paths: folders searched for the packages of package:// URIs.
+        surroundings: other bodies of the user's scene, which no fingertip may penetrate; see
+            `surroundings_from_plant`. They are part of the geometry alone: simulation turns gravity
+            about the object, and a table would bear what the grasp should.
         meshcat: the caller's own, where a recording of the simulation is published.
 
     Raises:
@@ -90,7 +96,7 @@ def certify_in_plant(
     scene = make_scene(object_, contacts, _tip_radius(grasp, tip_radius), package_paths)
     proof = prove(contacts)
     mathematics = _exact(contacts, internal_force, proof), _convex(proof)
-    geometry = _geometry(scene)
+    geometry = _geometry(scene, surroundings or Surroundings(()))
     settings: dict[str, Any] = {
         "drake": metadata.version("drake"),
         "tip_radius": scene.tip_radius,
@@ -99,6 +105,8 @@ def certify_in_plant(
         "load_share": LOAD_SHARE,
         **simulation.settings(),
     }
+    if surroundings is not None:
+        settings |= {"surroundings": surroundings.names, "surroundings_used_in": "geometry"}
     if geometry.verdict is Verdict.HOLDS:
         plan = _plan(scene)
     else:
@@ -160,13 +168,18 @@ def _undecided(name: str, unit: str, refusal: Refusal) -> PlantVerdict:
     return PlantVerdict(name, Verdict.UNDECIDED, None, unit, f"Drake refuses it: {refusal.reason}")
 
 
-def _geometry(scene: Scene) -> PlantVerdict:
+def _geometry(scene: Scene, surroundings: Surroundings) -> PlantVerdict:
     fit = ask_drake(lambda: check_geometry(scene))
     if isinstance(fit, Refusal):
         return _undecided("geometry", "m", fit)
+    clear = ask_drake(lambda: check_clearance(scene, surroundings))
+    if isinstance(clear, Refusal):
+        return _undecided("geometry", "m", clear)
     reason = f"measured on triangles, for Drake refuses: {fit.refusal}" if fit.refusal else ""
-    reason = fit.faults[0] if fit.faults else reason
-    return PlantVerdict("geometry", _verdict(not fit.faults), fit.margin, "m", reason)
+    faults = *fit.faults, *clear.faults
+    reason = faults[0] if faults else reason
+    margin = min(fit.margin, clear.margin)
+    return PlantVerdict("geometry", _verdict(not faults), margin, "m", reason)
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,35 @@ from typing import Any
 
 from pydrake.geometry import QueryObject
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context
 
+from drake_polygrasp.arguments import check_instance, refuse
 from drake_polygrasp.errors import UsageError
+
+
+def find_body(plant: MultibodyPlant, body: RigidBody | BodyIndex | str) -> RigidBody:
+    """Returns a body of the plant, given itself, by index, or by a name that is one body's alone.
+
+    Raises UsageError when there is none, or a name is several bodies'.
+    """
+    check_instance("plant", plant, MultibodyPlant)
+    if isinstance(body, RigidBody):
+        return body
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
+    if isinstance(body, BodyIndex):
+        if int(body) < len(bodies):
+            return bodies[int(body)]
+        raise UsageError(f"body index {int(body)} is none of the plant's {len(bodies)} bodies")
+    if not isinstance(body, str):
+        raise refuse("body", body, "a body of the plant, or its index or name")
+    named = [b for b in bodies if body in (b.name(), str(b.scoped_name()))]
+    if len(named) == 1:
+        return named[0]
+    others = ", ".join(f"'{b.scoped_name()}'" for b in named or bodies[1:])
+    if named:
+        raise UsageError(f"several bodies of the plant are called '{body}': {others}")
+    raise UsageError(f"no body of the plant is called '{body}'; it has {others or 'none'}")
 
 
 def query_of(plant: MultibodyPlant, body: RigidBody, context: Context) -> QueryObject[Any]:
@@ -17,6 +42,7 @@ def query_of(plant: MultibodyPlant, body: RigidBody, context: Context) -> QueryO
 
     Raises UsageError when plant, body and context do not belong together, or to no scene.
     """
+    check_instance("context", context, Context, "plant.GetMyContextFromRoot(diagram_context)")
     if not plant.is_finalized():
         raise UsageError("the plant is not finalized: call plant.Finalize() first")
     if body.GetParentPlant() is not plant:

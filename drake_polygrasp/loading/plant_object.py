@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import SceneGraphInspector
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context
 
 from drake_polygrasp.arrays import Array
@@ -25,7 +25,7 @@ from drake_polygrasp.loading.body_object import (
     object_of,
     stated_friction,
 )
-from drake_polygrasp.loading.live_plant import describe, query_of
+from drake_polygrasp.loading.live_plant import describe, find_body, query_of
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.rigid_group import Collider, find_group
 
@@ -35,7 +35,7 @@ _ROUNDING = 1e-9
 
 def object_from_plant(
     plant: MultibodyPlant,
-    body: RigidBody,
+    body: RigidBody | BodyIndex | str,
     context: Context,
     *,
     model_file: str | Path | None = None,
@@ -54,8 +54,8 @@ def object_from_plant(
 
     Args:
         plant: finalized, and connected to a SceneGraph in a diagram.
-        body: what to grasp, whose frame is B; bodies welded to it, but not through the world, are
-            part of it.
+        body: what to grasp, whose frame is B, or its index or name; bodies welded to it, but not
+            through the world, are part of it.
         context: the plant's, from the diagram's; its parameters state mass and centre of mass.
         model_file: the file that the body came from, a path or a package:// URI. It is needed to
             write a grasp file, which names its model; without it, `source` is None. The object is
@@ -72,6 +72,7 @@ def object_from_plant(
         ModelError: when the collision geometry is nothing to hold, or `model_file` cannot be
             loaded or has another solid, or more friction, than the plant.
     """
+    body = find_body(plant, body)
     inspector = query_of(plant, body, context).inspector()
     where = describe(body)
     check_friction(mu, where)

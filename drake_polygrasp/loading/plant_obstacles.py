@@ -9,16 +9,17 @@ import numpy as np
 from pydrake.geometry import Box, GeometryId, HalfSpace, QueryObject, Role, SceneGraphInspector
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex, RigidBody
 from pydrake.systems.framework import Context
 
+from drake_polygrasp.arguments import check_items, check_length
 from drake_polygrasp.arrays import Array, Bools, frozen
 from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE
 from drake_polygrasp.geometry.shells import oriented_shells, weld
 from drake_polygrasp.geometry.surface import Part
-from drake_polygrasp.loading.live_plant import describe, query_of
+from drake_polygrasp.loading.live_plant import describe, find_body, query_of
 from drake_polygrasp.loading.parsed_model import blaming
 from drake_polygrasp.loading.rigid_group import find_group
 from drake_polygrasp.loading.shapes import part_of
@@ -28,7 +29,7 @@ Ignored: TypeAlias = RigidBody | ModelInstanceIndex | GeometryId
 
 def obstacles_from_plant(
     plant: MultibodyPlant,
-    body: RigidBody,
+    body: RigidBody | BodyIndex | str,
     context: Context,
     *,
     ignore: Collection[Ignored] = (),
@@ -47,7 +48,7 @@ def obstacles_from_plant(
 
     Args:
         plant: finalized, and connected to a SceneGraph in a diagram.
-        body: what is grasped.
+        body: what is grasped, or its index or name.
         context: the plant's, from the diagram's.
         ignore: bodies, model instances and geometries that are no obstacles, such as the gripper.
         reach: what is farther from the body's bounding box is left out [m], which must be at least
@@ -57,6 +58,7 @@ def obstacles_from_plant(
         UsageError: when plant, body and context do not belong together, or `reach` is no length.
         ModelError: when the body has no collision geometry, or an obstacle's cannot be measured.
     """
+    body = find_body(plant, body)
     query = query_of(plant, body, context)
     inspector = query.inspector()
     body_frame = plant.GetBodyFrameIdOrThrow(body.index())
@@ -67,20 +69,18 @@ def obstacles_from_plant(
     if not bounded:
         raise ModelError(f"{describe(body)} has no collision geometry that fingers can hold")
     low, high = np.min(bounded, axis=(0, 1)), np.max(bounded, axis=(0, 1))
-    if reach is None:
-        reach = float(np.linalg.norm(high - low))
-    if not 0 <= reach < np.inf:
-        raise UsageError(f"reach is {reach}; it must be a length in metres, 0 or more")
+    diagonal = float(np.linalg.norm(high - low))
+    reach = diagonal if reach is None else check_length("reach", reach)
 
     parts: dict[GeometryId, Part] = {}
-    for geometry in _others(plant, query, {collider.geometry for collider in own}, ignore):
+    for geometry in other_geometries(plant, query, {collider.geometry for collider in own}, ignore):
         part = _part(query, geometry, X_WB, (low - reach, high + reach))
         if part is not None:
             parts[geometry] = part
     surfaces = [_outward(part) for part in parts.values() if part.primitive is None]
     none = np.empty((0, 3, 3)), np.empty(0, dtype=bool)
     triangles, closed = (np.concatenate(x) for x in zip(none, *surfaces, strict=True))
-    names = dict.fromkeys(_name(plant, inspector, geometry) for geometry in parts)
+    names = dict.fromkeys(geometry_name(plant, inspector, geometry) for geometry in parts)
     return Obstacles(
         X_WB=X_WB,
         names=tuple(names),
@@ -91,7 +91,7 @@ def obstacles_from_plant(
     )
 
 
-def _others(
+def other_geometries(
     plant: MultibodyPlant,
     query: QueryObject[Any],
     own: Collection[GeometryId],
@@ -99,14 +99,15 @@ def _others(
 ) -> Iterator[GeometryId]:
     """Collision geometries of the scene, in the order in which they came into it."""
     inspector = query.inspector()
-    models = {item for item in ignore if isinstance(item, ModelInstanceIndex)}
-    bodies = {item.index() for item in ignore if isinstance(item, RigidBody)}
-    geometries = {item for item in ignore if isinstance(item, GeometryId)}.union(own)
+    ignore = check_items("ignore", ignore)
     for item in ignore:
         if not isinstance(item, Ignored):
             raise UsageError(
                 f"{item!r} cannot be ignored: name bodies, model instances, geometries"
             )
+    models = {item for item in ignore if isinstance(item, ModelInstanceIndex)}
+    bodies = {item.index() for item in ignore if isinstance(item, RigidBody)}
+    geometries = {item for item in ignore if isinstance(item, GeometryId)}.union(own)
     for geometry in sorted(
         inspector.GetAllGeometryIds(Role.kProximity), key=lambda geometry: geometry.get_value()
     ):
@@ -116,7 +117,9 @@ def _others(
             yield geometry
 
 
-def _name(plant: MultibodyPlant, inspector: SceneGraphInspector, geometry: GeometryId) -> str:
+def geometry_name(
+    plant: MultibodyPlant, inspector: SceneGraphInspector, geometry: GeometryId
+) -> str:
     """The body's; the geometry's own where it belongs to no body of the plant, or to the world."""
     body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
     if body is None or body.index() == plant.world_body().index():

@@ -1,0 +1,40 @@
+"""Checks that fingertips penetrate nothing of the user's scene, by SceneGraph."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from drake_polygrasp.certification.scratch_plant import Scene
+from drake_polygrasp.certification.surface_distance import SurfaceDistance
+from drake_polygrasp.geometry.polyhedron import FLATNESS
+from drake_polygrasp.loading.surroundings import Surroundings
+
+
+class Clearance(NamedTuple):
+    """How clear fingertips are of what stands around the object."""
+
+    margin: float
+    """What the deepest penetration leaves of its tolerance [m]; infinite without surroundings."""
+    faults: tuple[str, ...]
+    """Which fingertip penetrates what, and by how much."""
+
+
+def check_clearance(scene: Scene, surroundings: Surroundings) -> Clearance:
+    """Measures from the fingertips' centres to every shape around the object.
+
+    The tolerance is 2 `FLATNESS` L, as in the planner: what stands around was not modelled closer.
+
+    Raises:
+        RuntimeError: when Drake takes a shape for no geometry, or SystemExit where it asserts so.
+    """
+    tolerance = 2 * FLATNESS * scene.object_.polyhedron.diameter
+    margin, faults = math.inf, []
+    for name, shape, X_BG in surroundings.parts:
+        surface = SurfaceDistance([(shape, X_BG)])
+        for i, p_BT in enumerate(scene.p_BT, start=1):
+            depth = scene.tip_radius - surface.nearest(p_BT).distance
+            margin = min(margin, tolerance - depth)
+            if depth > tolerance:
+                faults.append(f"fingertip {i} penetrates '{name}' by {depth:.2g} m")
+    return Clearance(margin, tuple(faults))

@@ -1,0 +1,139 @@
+"""The other bodies of the user's scene as Drake has them, for checks in plants of our own.
+
+`Obstacles` are what the planner avoids, as triangles and curved solids; these are Drake's own
+shapes of the same bodies, so that the check shares nothing with the planner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydrake.geometry import Shape
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.systems.framework import Context, DiagramBuilder
+
+from drake_polygrasp.arguments import check_instance, check_path, check_paths
+from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.loading.live_plant import find_body, query_of
+from drake_polygrasp.loading.parsed_model import blaming, parse_model
+from drake_polygrasp.loading.plant_object import object_from_plant
+from drake_polygrasp.loading.plant_obstacles import Ignored, geometry_name, other_geometries
+from drake_polygrasp.loading.rigid_group import find_group
+from drake_polygrasp.loading.shapes import mended
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Collision geometry around a body, in its frame B, as it stood at one moment."""
+
+    parts: tuple[tuple[str, Shape, RigidTransform], ...]
+    """Each collision geometry's name, shape and pose X_BG. The name is that of the body, or the
+    geometry's own where that belongs to the world."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the bodies, each once."""
+        return tuple(dict.fromkeys(name for name, _, _ in self.parts))
+
+
+def surroundings_from_plant(
+    plant: MultibodyPlant,
+    body: RigidBody | BodyIndex | str,
+    context: Context,
+    *,
+    ignore: Collection[Ignored] = (),
+) -> Surroundings:
+    """Returns what stands around a body at the poses in the context, for `certify_in_plant`.
+
+        around = surroundings_from_plant(plant, body, context, ignore=[gripper])
+        report = certify_in_plant(mug, plan.grasps[0], surroundings=around)
+
+    Args:
+        plant: finalized, and connected to a SceneGraph in a diagram.
+        body: what is grasped, or its index or name.
+        context: the plant's, from the diagram's.
+        ignore: bodies, model instances and geometries that are left out, such as the gripper.
+
+    Raises:
+        UsageError: when plant, body and context do not belong together.
+        ModelError: when a shape cannot be read, or is deformable.
+    """
+    body = find_body(plant, body)
+    query = query_of(plant, body, context)
+    inspector = query.inspector()
+    X_BW = query.GetPoseInWorld(plant.GetBodyFrameIdOrThrow(body.index())).inverse()
+    colliders = find_group(plant, body, context).colliders(plant, inspector)
+    own = {collider.geometry for collider in colliders}
+    parts = []
+    for geometry in other_geometries(plant, query, own, ignore):
+        name = geometry_name(plant, inspector, geometry)
+        if inspector.IsDeformableGeometry(geometry):
+            raise ModelError(f"obstacle '{name}' is deformable; put its geometry into `ignore`")
+        with blaming(f"obstacle '{name}'"):
+            shape = mended(inspector.GetShape(geometry))
+        parts.append((name, shape, X_BW @ query.GetPoseInWorld(geometry)))
+    return Surroundings(tuple(parts))
+
+
+def load_surroundings(
+    scene_file: str | Path,
+    object_: GraspObject,
+    *,
+    mu: float | None = None,
+    package_paths: Sequence[str | Path] = (),
+) -> Surroundings:
+    """Returns what stands around an object in a scene of model directives, at its default poses.
+
+    Args:
+        scene_file: model directives, or another file that Drake's Parser reads, which hold the
+            object too, under the name of its model and body or of its body alone.
+        object_: what is grasped, loaded from a file.
+        mu: the friction that replaces the models', as of `load_object`.
+        package_paths: folders searched for the packages of package:// URIs.
+
+    Raises:
+        UsageError: when an argument is not what it may be, or the object came from no file.
+        ModelError: when the scene cannot be loaded, or its body is not the same solid.
+    """
+    check_path("scene_file", scene_file)
+    check_instance("object_", object_, GraspObject, "as load_object returns it")
+    package_paths = check_paths("package_paths", package_paths)
+    if object_.source is None:
+        raise UsageError("the object came from no file, so that no scene can be searched for it")
+    source = object_.source
+    full_name = f"{source.model_name}::{source.body_name}"
+    try:
+        parsed = parse_model(scene_file, full_name, package_paths)
+    except ModelError as error:
+        if f"no body '{full_name}'" not in str(error):
+            raise
+        # Directives may give the model a name of their own.
+        parsed = parse_model(scene_file, source.body_name, package_paths)
+    builder = DiagramBuilder()
+    plant, scene_graph = builder.AddSystem(parsed.plant), builder.AddSystem(parsed.scene_graph)
+    builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
+    builder.Connect(
+        plant.get_geometry_pose_output_port(),
+        scene_graph.get_source_pose_port(plant.get_source_id()),
+    )
+    with blaming(scene_file):
+        context = plant.GetMyContextFromRoot(builder.Build().CreateDefaultContext())
+    body = parsed.group.body
+    # That it is the object: the same surface, mass, and at least the friction.
+    object_from_plant(
+        plant,
+        body,
+        context,
+        model_file=source.model_file,
+        body_name=full_name,
+        mu=mu,
+        package_paths=package_paths,
+        patch_angle=source.patch_angle,
+        patch_depth=source.patch_depth,
+    )
+    return surroundings_from_plant(plant, body, context)
