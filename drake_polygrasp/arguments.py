@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 import reprlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -93,6 +93,18 @@ def check_paths(name: str, values: object) -> tuple[str | Path, ...]:
     if isinstance(values, str | bytes | os.PathLike):
         raise refuse(name, values, "a list of paths: put it in brackets")
     return tuple(check_path(f"{name}[{i}]", v) for i, v in enumerate(check_items(name, values)))
+
+
+def check_packages(name: str, value: object) -> dict[str, str | Path]:
+    """Returns folders of packages by name; none for None."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise refuse(name, value, "a dict of folders by the names of packages")
+    return {
+        check_text(f"a key of {name}", key): check_path(f"{name}[{key!r}]", folder)
+        for key, folder in value.items()
+    }
 
 
 def check_text(name: str, value: object) -> str:

@@ -98,6 +98,7 @@ def _load(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
         body_name=arguments.body,
         mu=arguments.mu,
         package_paths=arguments.package_path,
+        packages=dict(arguments.packages),
         patch_angle=arguments.patch_angle,
         patch_depth=arguments.patch_depth,
     )
@@ -170,6 +171,7 @@ def _in_plant(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPl
         task=_task(arguments, f"holding grasps of {arguments.model} in a plant", "grasps"),
         top=arguments.top,
         package_paths=arguments.package_path,
+        packages=dict(arguments.packages),
     )
     return ranked
 
@@ -201,6 +203,7 @@ def _verify(arguments: argparse.Namespace) -> tuple[int, str]:
         arguments.file,
         task=_task(arguments, f"verifying {arguments.file}", "grasps"),
         package_paths=arguments.package_path,
+        packages=dict(arguments.packages),
         plant=arguments.plant,
         scene=arguments.scene,
     )
@@ -265,7 +268,8 @@ def _show(arguments: argparse.Namespace) -> tuple[int, str]:
     from drake_polygrasp.visualization.show import is_model, serve, write_page
 
     logging.getLogger("drake").setLevel(logging.WARNING)  # Meshcat says where it listens; so do we
-    name, options = arguments.name, {"package_paths": arguments.package_path}
+    name, packages = arguments.name, dict(arguments.packages)
+    options = {"package_paths": arguments.package_path, "packages": packages}
     kind = "model" if is_model(name) else "file"
     if kind == "model":
         options |= {"body_name": arguments.body, "mu": arguments.mu}

@@ -36,18 +36,27 @@ def _add_command(commands: Any, name: str, help_: str) -> argparse.ArgumentParse
     return parser
 
 
-def _add_package_path(parser: argparse.ArgumentParser) -> None:
+def _add_package_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--package-path",
         metavar="DIR",
         action="append",
         default=[],
-        help="folder to search for the packages of package:// URIs (may be repeated)",
+        help="folder to search for the packages of package:// and model:// URIs (may be repeated)",
+    )
+    parser.add_argument(
+        "--package",
+        metavar="NAME=DIR",
+        type=_package,
+        action="append",
+        default=[],
+        dest="packages",
+        help="the folder of one package, before all that are found (may be repeated)",
     )
 
 
 def _add_common_options(parser: argparse.ArgumentParser) -> None:
-    _add_package_path(parser)
+    _add_package_options(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object for machines")
 
 
@@ -231,7 +240,7 @@ def _add_show(commands: Any) -> None:
     )
     parser.add_argument("--body", metavar="NAME", help="the body of MODEL, where there are several")
     parser.add_argument("--mu", type=_friction, help="friction for MODEL (default: as in plan)")
-    _add_package_path(parser)
+    _add_package_options(parser)
 
 
 def _add_export(commands: Any) -> None:
@@ -247,6 +256,13 @@ def _add_export(commands: Any) -> None:
         help="model directives that add contact and fingertip frames to the model, which must be "
         "in the plant already",
     )
+
+
+def _package(text: str) -> tuple[str, str]:
+    name, equals, folder = text.partition("=")
+    if not (name and equals and folder):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=DIR")
+    return name, folder
 
 
 def _number(text: str, most: float) -> float:

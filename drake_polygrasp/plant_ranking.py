@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -26,6 +26,7 @@ def rank_in_plant(
     *,
     top: int | None = None,
     package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
     surroundings: Surroundings | None = None,
     progress: Progress | None = None,
 ) -> GraspPlan:
@@ -39,6 +40,7 @@ def rank_in_plant(
         plan: from `plan_grasps`: its grasps are asked about in their order.
         top: how many grasps that hold are enough (default: all of the plan's are asked about).
         package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
         surroundings: other bodies of the user's scene, as of `certify_in_plant`.
         progress: called with how many grasps were asked about, and how many there are.
 
@@ -65,7 +67,11 @@ def rank_in_plant(
             break
         tell(len(asked), len(plan.grasps))
         report = certify_in_plant(
-            object_, grasp, package_paths=package_paths, surroundings=surroundings
+            object_,
+            grasp,
+            package_paths=package_paths,
+            packages=packages,
+            surroundings=surroundings,
         )
         record = PlantRecord(report.verdicts, report.settings, report.equilibria)
         asked.append((record.verdict, replace(grasp, plant=record)))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.grasp_file import write_document
-from drake_polygrasp.loading.model_source import is_uri
+from drake_polygrasp.loading.packages import is_uri
 from drake_polygrasp.plain_yaml import read_mapping
 from drake_polygrasp.plant_block import plant_document
 from drake_polygrasp.plant_verdicts import PlantRecord

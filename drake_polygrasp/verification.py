@@ -8,7 +8,7 @@ the file says of the grasp's quality; a number that flatters the grasp is refuse
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -24,8 +24,9 @@ from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.grasp_file import GraspFile, StatedGrasp, StatedObject, load_grasps
-from drake_polygrasp.loading.model_source import find_packages, model_digest, resolve
+from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.object_model import load_object
+from drake_polygrasp.loading.packages import find_packages, resolve
 from drake_polygrasp.plan_settings import exclusion_of
 from drake_polygrasp.plant_verdicts import PlantRecord
 from drake_polygrasp.progress import Progress, no_progress
@@ -112,6 +113,7 @@ class _Model:
 def verify_file(
     path: Path | str,
     package_paths: Sequence[Path | str] = (),
+    packages: Mapping[str, str | Path] | None = None,
     *,
     plant: bool = False,
     scene: Path | str | None = None,
@@ -122,6 +124,7 @@ def verify_file(
     Args:
         path: the grasp file, which is not changed.
         package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
         plant: whether to have each grasp that is borne out hold the model in a MultibodyPlant,
             as `certify_in_plant` does.
         scene: with `plant`: model directives that hold the object and other bodies, which no
@@ -131,8 +134,8 @@ def verify_file(
     Raises:
         UsageError: when an argument is not what it may be.
         GraspFileError: when the file cannot be read or breaks the format.
-        ModelError: when one of `package_paths` is no folder, or the scene cannot be loaded or does
-            not hold the object.
+        ModelError: when one of `package_paths` or `packages` is no folder, or the scene cannot be
+            loaded or does not hold the object.
     """
     package_paths = check_paths("package_paths", package_paths)
     plant = check_flag("plant", plant)
@@ -140,7 +143,7 @@ def verify_file(
     if scene is not None and not plant:
         raise UsageError("a scene is for the plant that grasps are checked in: add plant=True")
     file = load_grasps(path)
-    model, avoided = _find_model(file, package_paths), exclusion_of(file.plan)
+    model, avoided = _find_model(file, package_paths, packages), exclusion_of(file.plan)
     tell = progress or no_progress
     # A file may state numbers of any size; every comparison below fails on what overflows.
     with np.errstate(all="ignore"):
@@ -149,10 +152,12 @@ def verify_file(
             tell(len(grasps), len(file.grasps))
             grasps.append(_verify_grasp(stated, file.object_, model, avoided))
     if plant and model.object_ is not None:
-        around = _surroundings(scene, model.object_, file, package_paths)
+        around = _surroundings(scene, model.object_, file, package_paths, packages)
         for i, stated in enumerate(file.grasps):
             tell(i, len(file.grasps))
-            grasps[i] = _with_plant(grasps[i], stated, model.object_, package_paths, around)
+            grasps[i] = _with_plant(
+                grasps[i], stated, model.object_, package_paths, packages, around
+            )
     return Report(
         file.path, tuple(grasps), model.line.status is not Status.NOT_CHECKED, model.warnings
     )
@@ -178,13 +183,14 @@ def _surroundings(
     object_: GraspObject,
     file: GraspFile,
     package_paths: Sequence[Path | str],
+    packages: Mapping[str, str | Path] | None,
 ) -> Surroundings | None:
     if scene is None:
         return None
     from drake_polygrasp.loading.surroundings import load_surroundings
 
     mu = file.plan.get("mu")
-    return load_surroundings(scene, object_, mu=mu, package_paths=package_paths)
+    return load_surroundings(scene, object_, mu=mu, package_paths=package_paths, packages=packages)
 
 
 def _with_plant(
@@ -192,6 +198,7 @@ def _with_plant(
     stated: StatedGrasp,
     object_: GraspObject,
     package_paths: Sequence[Path | str],
+    packages: Mapping[str, str | Path] | None,
     surroundings: Surroundings | None,
 ) -> GraspReport:
     """The report with what a plant says of the grasp, if its lines all hold."""
@@ -205,6 +212,7 @@ def _with_plant(
         stated,
         tip_radius=stated.tip_radius or 0.0,
         package_paths=package_paths,
+        packages=packages,
         surroundings=surroundings,
     )
     return replace(report, plant=said)
@@ -216,13 +224,17 @@ def _line(passed: Status, faults: Iterable[str]) -> Line:
     return Line(passed) if fault is None else Line(Status.FAILED, fault)
 
 
-def _find_model(file: GraspFile, package_paths: Sequence[Path | str]) -> _Model:
+def _find_model(
+    file: GraspFile,
+    package_paths: Sequence[Path | str],
+    packages: Mapping[str, str | Path] | None,
+) -> _Model:
     """The model a file names: missing, changed, not what the file says of it, or as it was."""
     stated, mu = file.object_, file.plan.get("mu")
     name = stated.model_file
-    packages = find_packages(file.path, package_paths)
+    package_map = find_packages(file.path, package_paths, packages)
     try:
-        model_file = resolve(name, file.path.parent, packages)
+        model_file = resolve(name, file.path.parent, package_map)
     except ModelError as error:
         return _missing(str(error))
     try:
@@ -232,13 +244,14 @@ def _find_model(file: GraspFile, package_paths: Sequence[Path | str]) -> _Model:
     if not found:
         return _missing(f"{model_file}: there is no such model file")
     try:
-        if model_digest(model_file, package_paths) != stated.sha256:
+        if model_digest(model_file, package_paths, packages) != stated.sha256:
             return _Model(None, Line(Status.FAILED, f"{name} has changed since: sha256 differs"))
         object_ = load_object(
             model_file,
             body_name=f"{stated.model_name}::{stated.body_name}",
             mu=mu,
             package_paths=package_paths,
+            packages=packages,
             patch_angle=stated.patch_angle,
             patch_depth=stated.patch_depth,
         )

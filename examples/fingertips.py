@@ -47,7 +47,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.loading.model_source import find_packages
+from drake_polygrasp.loading.packages import find_packages, use_packages
 from drake_polygrasp.loading.parsed_model import blaming
 from drake_polygrasp.visualization.palette import CONTACTS, rgb
 
@@ -178,7 +178,7 @@ def _make_rigid_by_default(scene_graph: SceneGraph) -> None:
 def _add_object(plant: MultibodyPlant, model_file: Path) -> RigidBody:
     # Prefixed, lest a model be named as the hand is.
     parser = Parser(plant, model_name_prefix="object")
-    parser.package_map().AddMap(find_packages(model_file, ()))
+    use_packages(parser, find_packages(model_file))
     with blaming(model_file):
         models = parser.AddModels(str(model_file))
     bodies = [plant.get_body(index) for model in models for index in plant.GetBodyIndices(model)]

@@ -10,8 +10,9 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.loading.model_source import find_packages, model_digest, read_model_files
+from drake_polygrasp.loading.model_source import model_digest, read_model_files
 from drake_polygrasp.loading.object_model import load_object
+from drake_polygrasp.loading.packages import find_packages
 from tests.convex_polyhedra import prism
 from tests.solids import regular_polygon
 

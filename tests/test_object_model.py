@@ -345,8 +345,9 @@ def digest(*paths: Path) -> str:
 
 
 def test_the_digest_covers_model_includes_and_collision_meshes_once(
-    write: Write, tmp_path: Path
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.chdir(tmp_path)  # Drake looks for relative includes there.
     obj = tmp_path / "l.obj"
     inner = write("inner.sdf", sdf(link(mesh("<uri>l.obj</uri>"), mesh(), name="inner")))
     second = write("sub/t.vtk", TETRAHEDRON_VTK)

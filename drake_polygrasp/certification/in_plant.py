@@ -9,7 +9,7 @@ is reported as it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
@@ -66,6 +66,7 @@ def certify_in_plant(
     *,
     tip_radius: float | None = None,
     package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
     surroundings: Surroundings | None = None,
     meshcat: Meshcat | None = None,
 ) -> PlantReport:
@@ -81,6 +82,7 @@ def certify_in_plant(
         tip_radius: of spherical fingertips [m]; 0 for points, which small probes stand for
             (default: those that the grasp was planned for).
         package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
         surroundings: other bodies of the user's scene, which no fingertip may penetrate; see
             `surroundings_from_plant`. They are part of the geometry alone: simulation turns gravity
             about the object, and a table would bear what the grasp should.
@@ -93,7 +95,7 @@ def certify_in_plant(
     contacts = grasp_of(grasp)
     if internal_force is None and not isinstance(grasp, Grasp):
         internal_force = grasp.certificate.internal_force
-    scene = make_scene(object_, contacts, _tip_radius(grasp, tip_radius), package_paths)
+    scene = make_scene(object_, contacts, _tip_radius(grasp, tip_radius), package_paths, packages)
     proof = prove(contacts)
     mathematics = _exact(contacts, internal_force, proof), _convex(proof)
     geometry = _geometry(scene, surroundings or Surroundings(()))

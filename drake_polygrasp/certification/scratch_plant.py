@@ -6,7 +6,7 @@ The body frame B starts at the world frame W, so what is expressed in B may be r
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,6 +56,7 @@ def make_scene(
     grasp: Grasp,
     tip_radius: float,
     package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
 ) -> Scene:
     """The object from its own file, and fingertips of `tip_radius` [m], or probes if that is 0.
 
@@ -70,7 +71,7 @@ def make_scene(
     distance = edge_distance(object_.polyhedron, grasp.p_BC, face).min()
     return Scene(
         object_,
-        load_solid(object_.source, package_paths),
+        load_solid(object_.source, package_paths, packages),
         grasp,
         tip_radius or PROBE_RADIUS * object_.polyhedron.diameter,
         math.sqrt(2.0) * float(distance),

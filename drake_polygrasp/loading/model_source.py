@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -16,12 +16,12 @@ from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.mesh_file import MAX_BYTES
 from drake_polygrasp.loading.model_checks import check_link
 from drake_polygrasp.loading.model_document import Addition, read_directives, read_xml
+from drake_polygrasp.loading.packages import find_packages, is_uri, locate, resolve
 
 SUFFIXES = (".sdf", ".urdf", ".xml", ".dmd.yaml", ".obj")
 """What Drake's Parser reads."""
 _ROOTS = {".sdf": "sdf", ".urdf": "robot", ".xml": "mujoco"}
 """The element that Drake reads of a document."""
-_URI = re.compile(r"(package|model|file)://")
 
 
 @dataclass
@@ -48,183 +48,175 @@ class ModelFiles:
         return digests.hexdigest()
 
 
-def model_digest(model_file: str | Path, package_paths: Sequence[str | Path] = ()) -> str:
-    """The SHA-256 that identifies a model: of the concatenated digests of its files.
+def model_digest(
+    model_file: str | Path,
+    package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
+) -> str:
+    """Computes the SHA-256 that identifies a model: of the concatenated digests of its files.
 
     The model file comes first, then included files, then collision meshes, in document order, each
-    once. `model_file` may be a package:// URI; `package_paths` are searched for packages.
-    Raises ModelError when a file is missing or malformed.
+    once.
+
+    Args:
+        model_file: a path or a package:// URI.
+        package_paths: folders that are searched for packages.
+        packages: folders of packages by name.
+
+    Returns:
+        The hex digest.
+
+    Raises:
+        ModelError: when a file is missing or malformed.
     """
-    packages = find_packages(model_file, package_paths)
-    return read_model_files(locate(model_file, packages), packages).sha256
+    package_map = find_packages(model_file, package_paths, packages)
+    return read_model_files(locate(model_file, package_map), package_map).sha256
 
 
-def is_uri(model_file: str | Path) -> bool:
-    """Whether it is a package://, model:// or file:// URI and not a path."""
-    return bool(_URI.match(str(model_file)))
-
-
-def locate(model_file: str | Path, packages: PackageMap) -> Path:
-    """The path of a model file that may be a URI."""
-    return resolve(str(model_file), Path(), packages) if is_uri(model_file) else Path(model_file)
-
-
-def find_packages(model_file: str | Path, package_paths: Sequence[str | Path] = ()) -> PackageMap:
-    """Packages below `package_paths`, and those whose folders hold the model file."""
-    packages = PackageMap()
-    for folder in package_paths:
-        if not Path(folder).is_dir():
-            raise ModelError(f"{folder}: no such folder to search for packages")
-        packages.PopulateFromFolder(str(folder))
-    if not is_uri(model_file):
-        for folder in Path(model_file).resolve().parents:
-            if (folder / "package.xml").is_file():
-                _add_package(packages, folder / "package.xml")
-    return packages
-
-
-def _add_package(packages: PackageMap, package_xml: Path) -> None:
-    name = (read_xml(package_xml).findtext("name") or "").strip()
-    if name and not packages.Contains(name):
-        packages.Add(name, str(package_xml.parent))
-
-
-def resolve(uri: str, folder: Path, packages: PackageMap) -> Path:
-    """The path of a URI or of a path relative to `folder`."""
-    scheme, _, rest = uri.strip().rpartition("://")
-    if not scheme:
-        return folder / rest
-    if scheme not in ("file", "package", "model"):
-        raise ModelError(f"{uri}: nothing is fetched by {scheme}; name a file or a package")
-    if scheme == "file":
-        return Path(rest)
-    name, _, inner = rest.partition("/")
-    if not packages.Contains(name):
-        raise ModelError(
-            f"{uri}: package '{name}' is unknown; name a folder above its package.xml in "
-            "package_paths (--package-path)"
-        )
-    return Path(packages.GetPath(name)) / inner
-
-
-def read_model_files(model_file: Path, packages: PackageMap) -> ModelFiles:
-    """Follow includes and collision meshes.
+def read_model_files(model_file: Path, package_map: PackageMap) -> ModelFiles:
+    """Follows includes and collision meshes, to the files that Drake opens.
 
     Raises ModelError when a document is missing or malformed, or for the size of a box that Drake
     would replace by its own.
     """
     files = ModelFiles(model_file)
-    _read_document(model_file, packages, files, ())
+    _Reader(files, package_map).read(model_file, (), None)
     return files
 
 
-def _read_document(
-    path: Path, packages: PackageMap, files: ModelFiles, including: tuple[Path, ...]
-) -> Path:
-    """Adds the document and what it includes; `including` are those that led to it, resolved.
+def _newest(config: Element) -> str:
+    """The file that a model.config names for the newest version of SDF, the first of several."""
+    versions = [
+        (tuple(int(part) for part in re.findall(r"\d+", sdf.get("version", "0"))), sdf.text or "")
+        for sdf in config.findall("sdf")
+    ]
+    return max(versions, key=lambda version: version[0], default=((), ""))[1].strip()
 
-    Returns the document's path, which is another one where `path` is a folder.
-    """
-    if path.is_dir():
-        # The newest version is listed last.
-        names = [sdf.text or "" for sdf in read_xml(path / "model.config").findall("sdf")]
-        path = path / (names or [""])[-1].strip()
-    if path.resolve() in including:
-        raise ModelError(f"{path}: includes itself; break the circle")
-    if path in files.documents:
+
+@dataclass
+class _Reader:
+    """Follows a model's files as Drake's parsers do."""
+
+    files: ModelFiles
+    package_map: PackageMap
+    visited: set[tuple[Path, Path]] = field(default_factory=set)
+    """Documents, each with the folder that paths of its meshes are relative to."""
+
+    def read(self, path: Path, including: tuple[Path, ...], folder: Path | None) -> Path:
+        """Adds a document and what it includes.
+
+        Args:
+            path: of the document, or of a folder with a model.config.
+            including: the documents that led to it, resolved.
+            folder: what paths of meshes are relative to in SDF, where it is not the document's
+                own: that of the SDF file which Drake's parser began with.
+
+        Returns:
+            The document's path.
+        """
+        if path.is_dir():
+            path = path / _newest(read_xml(path / "model.config", "model"))
+        if path.resolve() in including:
+            raise ModelError(f"{path}: includes itself; break the circle")
+        if path.exists() and not path.name.lower().endswith(SUFFIXES):
+            raise ModelError(f"{path}: Drake reads {', '.join(SUFFIXES)}, not this; convert it")
+        suffix = path.suffix.lower()
+        if suffix != ".sdf" or folder is None:
+            folder = path.parent
+        if (path, folder) not in self.visited:
+            self.visited.add((path, folder))
+            self._read_new(path, suffix, (*including, path.resolve()), folder)
         return path
-    if path.exists() and not path.name.lower().endswith(SUFFIXES):
-        raise ModelError(f"{path}: Drake reads {', '.join(SUFFIXES)}, not this; convert it")
-    files.documents[path] = None
-    including = (*including, path.resolve())
-    if path.suffix.lower() == ".obj":
-        files.meshes[path] = None
-    elif path.suffix.lower() == ".yaml":
-        files.additions[path] = read_directives(path)
-        for added in files.additions[path]:
-            _include(added.uri, path, packages, files, including)
-    else:
-        root = files.documents[path] = read_xml(path, _ROOTS.get(path.suffix.lower()))
+
+    def _read_new(self, path: Path, suffix: str, including: tuple[Path, ...], folder: Path) -> None:
+        files = self.files
+        files.documents.setdefault(path, None)
+        if suffix == ".obj":
+            files.meshes[path] = None
+            return
+        if suffix == ".yaml":
+            files.additions[path] = read_directives(path)
+            for added in files.additions[path]:
+                target = resolve(added.uri, path.parent, self.package_map)
+                files.includes[path, added.uri] = self.read(target, including, None)
+            return
+        root = read_xml(path, _ROOTS.get(suffix))
+        files.documents[path] = root
         if root.tag == "mujoco":
-            _read_mjcf(root, path.parent, files, including)
+            self._read_mjcf(root, folder, including)
         elif root.tag == "robot":
-            _read_urdf(root, path, packages, files)
+            self._read_urdf(root, path, folder)
         else:
-            _read_sdf(root, path, packages, files, including)
-    return path
+            self._read_sdf(root, path, including, folder)
 
+    def _read_sdf(
+        self, root: Element, path: Path, including: tuple[Path, ...], folder: Path
+    ) -> None:
+        for element in root.iter():
+            if element.tag == "include":
+                uri = (element.findtext("uri") or "").strip()
+                target = self._included(uri, path)
+                self.files.includes[path, uri] = self.read(target, including, folder)
+            elif element.tag == "collision":
+                for mesh in element.findall("geometry/mesh"):
+                    self._add_mesh(mesh.findtext("uri"), path, folder)
+            elif element.tag == "link":
+                check_link(element, path, urdf=False)
 
-def _include(
-    uri: str, path: Path, packages: PackageMap, files: ModelFiles, including: tuple[Path, ...]
-) -> None:
-    """Reads a document that the document at `path` includes."""
-    included = _read_document(resolve(uri, path.parent, packages), packages, files, including)
-    files.includes[path, uri.strip()] = included
+    def _included(self, uri: str, path: Path) -> Path:
+        """The path of a document that an SDF document includes."""
+        target = resolve(uri, path.parent, self.package_map)
+        if is_uri(uri) or target == Path(uri):
+            return target
+        beside, here = target.exists(), Path(uri).exists()
+        if (beside or here) and not (beside and here and target.samefile(uri)):
+            raise ModelError(
+                f"{path}: includes '{uri}', which Drake looks for in the current folder and not "
+                "beside the model; write a package:// or file:// URI"
+            )
+        return target
 
+    def _read_urdf(self, root: Element, path: Path, folder: Path) -> None:
+        """Follows what Drake reads of it: no includes, and of links their own collisions."""
+        for link in root.findall("link"):
+            check_link(link, path, urdf=True)
+            for mesh in link.findall("collision/geometry/mesh"):
+                self._add_mesh(mesh.get("filename"), path, folder)
 
-def _read_sdf(
-    root: Element,
-    path: Path,
-    packages: PackageMap,
-    files: ModelFiles,
-    including: tuple[Path, ...],
-) -> None:
-    for element in root.iter():
-        if element.tag == "include":
-            _include(element.findtext("uri") or "", path, packages, files, including)
-        elif element.tag == "collision":
-            for mesh in element.findall("geometry/mesh"):
-                _add_mesh(mesh.findtext("uri"), path, packages, files)
-        elif element.tag == "link":
-            check_link(element, path, urdf=False)
+    def _add_mesh(self, uri: str | None, path: Path, folder: Path) -> None:
+        if uri is None or not uri.strip():
+            raise ModelError(f"{path}: a collision mesh names no file; name one")
+        self.files.meshes[resolve(uri, folder, self.package_map)] = None
 
+    def _read_mjcf(self, root: Element, folder: Path, including: tuple[Path, ...]) -> None:
+        """As Drake does: what is included is in the model itself, and the last compiler rules."""
+        self._splice_includes(root, folder, including)
+        assets = folder
+        for compiler in root.findall("compiler"):
+            stated = compiler.get("meshdir", compiler.get("assetdir"))
+            assets = assets if stated is None else folder / stated
+        for mesh in root.iter("mesh"):
+            if mesh.get("file"):
+                self.files.meshes[assets / mesh.get("file", "")] = None
 
-def _read_urdf(root: Element, path: Path, packages: PackageMap, files: ModelFiles) -> None:
-    """Follows what Drake reads of it: no includes, and of links their own collisions."""
-    for link in root.findall("link"):
-        check_link(link, path, urdf=True)
-        for mesh in link.findall("collision/geometry/mesh"):
-            _add_mesh(mesh.get("filename"), path, packages, files)
+    def _splice_includes(self, element: Element, folder: Path, including: tuple[Path, ...]) -> None:
+        """Puts the elements of included files in the place of each include, at any depth.
 
-
-def _add_mesh(uri: str | None, path: Path, packages: PackageMap, files: ModelFiles) -> None:
-    if not (uri or "").strip():
-        raise ModelError(f"{path}: a collision mesh names no file; name one")
-    files.meshes[resolve(uri or "", path.parent, packages)] = None
-
-
-def _read_mjcf(root: Element, folder: Path, files: ModelFiles, including: tuple[Path, ...]) -> None:
-    """As Drake does: what is included stands in the model itself, and the last compiler rules."""
-    _splice_includes(root, folder, files, including)
-    assets = folder
-    for compiler in root.findall("compiler"):
-        stated = compiler.get("meshdir", compiler.get("assetdir"))
-        assets = assets if stated is None else folder / stated
-    for mesh in root.iter("mesh"):
-        if mesh.get("file"):
-            files.meshes[assets / mesh.get("file", "")] = None
-
-
-def _splice_includes(
-    element: Element, folder: Path, files: ModelFiles, including: tuple[Path, ...]
-) -> None:
-    """Put the elements of included files in the place of each include, at any depth.
-
-    Their names are relative to `folder`, that of the model, also where included files include.
-    """
-    children: list[Element] = []
-    for child in element:
-        if child.tag == "include":
-            if not child.get("file"):
-                raise ModelError(f"{including[-1]}: an include names no file; name one")
-            path = folder / child.get("file", "")
-            if path.resolve() in including:
-                raise ModelError(f"{path}: includes itself; break the circle")
-            files.documents.setdefault(path, None)
-            root = read_xml(path)
-            _splice_includes(root, folder, files, (*including, path.resolve()))
-            children += root
-        else:
-            _splice_includes(child, folder, files, including)
-            children.append(child)
-    element[:] = children
+        Their names are relative to `folder`, that of the model, also where included files include.
+        """
+        children: list[Element] = []
+        for child in element:
+            if child.tag == "include":
+                if not child.get("file"):
+                    raise ModelError(f"{including[-1]}: an include names no file; name one")
+                path = folder / child.get("file", "")
+                if path.resolve() in including:
+                    raise ModelError(f"{path}: includes itself; break the circle")
+                self.files.documents.setdefault(path, None)
+                root = read_xml(path)
+                self._splice_includes(root, folder, (*including, path.resolve()))
+                children += root
+            else:
+                self._splice_includes(child, folder, including)
+                children.append(child)
+        element[:] = children

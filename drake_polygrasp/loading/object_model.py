@@ -5,7 +5,7 @@ Drake reads the files; what it assumes silently where they say nothing is looked
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -25,8 +25,8 @@ from drake_polygrasp.loading.body_object import (
     object_of,
     stated_friction,
 )
-from drake_polygrasp.loading.model_source import is_uri
 from drake_polygrasp.loading.model_statements import Statements, read_statements
+from drake_polygrasp.loading.packages import is_uri
 from drake_polygrasp.loading.parsed_model import ParsedModel, parse_model
 from drake_polygrasp.loading.rigid_group import Collider
 from drake_polygrasp.loading.shapes import is_hull, mended
@@ -50,6 +50,7 @@ def load_object(
     body_name: str | None = None,
     mu: float | None = None,
     package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
     patch_angle: float | None = None,
     patch_depth: float | None = None,
 ) -> GraspObject:
@@ -58,21 +59,21 @@ def load_object(
     Links that the model fixes to one another are one rigid body: surface, friction, mass and centre
     of mass are those of all of them, in the frame of the link that `body_name` names.
 
-    `model_file` is a path or a package:// URI. Packages are searched below `package_paths` and
-    in the folders above the model file. `body_name` may be left out when just one rigid body has
-    collision geometry, and B is then the frame of its base link; `model::body` tells bodies of one
-    name apart. `mu` replaces the friction of the model, which is else the lesser of each geometry's
-    static and dynamic coefficients: in discrete time Drake's bodies slide at the dynamic one.
-    Surfaces of very many facets become patches whose normals lean by at most `patch_angle` [rad]
-    (default: 12 degrees) and whose facets lie about `patch_depth` [m] (default: 0.005 of the
-    diameter) off a plane.
+    `model_file` is a path or a package:// URI. Packages are searched below `package_paths` and in
+    the folders above the model file, and `packages` gives folders of packages by name. `body_name`
+    may be left out when just one rigid body has collision geometry, and B is then the frame of its
+    base link; `model::body` tells bodies of one name apart. `mu` replaces the friction of the
+    model, which is else the lesser of each geometry's static and dynamic coefficients: in discrete
+    time Drake's bodies slide at the dynamic one. Surfaces of very many facets become patches whose
+    normals lean by at most `patch_angle` [rad] (default: 12 degrees) and whose facets lie about
+    `patch_depth` [m] (default: 0.005 of the diameter) off a plane.
 
     Raises ModelError when a file is missing or malformed, the body cannot be told, or its
     collision geometry is nothing to hold; UsageError when `mu` is not above 0 or a patch cannot
     be as asked for.
     """
     check_friction(mu, str(model_file))
-    parsed = parse_model(model_file, body_name, package_paths)
+    parsed = parse_model(model_file, body_name, package_paths, packages)
     files, group, warnings = parsed.files, parsed.group, parsed.warnings
     where = f"{files.model_file}: body '{group.body.name()}'"
     warnings += describe_group(group, where)
@@ -102,13 +103,17 @@ def load_object(
     return object_of(polyhedron, stated, where, warnings, source)
 
 
-def load_solid(source: ModelSource, package_paths: Sequence[str | Path] = ()) -> Solid:
+def load_solid(
+    source: ModelSource,
+    package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
+) -> Solid:
     """The rigid body that an object came from, read again, for plants of our own.
 
     Raises ModelError as `load_object` does.
     """
     body_name = f"{source.model_name}::{source.body_name}"
-    parsed = parse_model(source.model_file, body_name, package_paths)
+    parsed = parse_model(source.model_file, body_name, package_paths, packages)
     inspector = parsed.scene_graph.model_inspector()
     parts = tuple(
         (mended(inspector.GetShape(geometry)), X_BG)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from textwrap import shorten
@@ -19,7 +19,14 @@ from pydrake.systems.framework import Context
 from drake_polygrasp.errors import ModelError, PolygraspError
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 from drake_polygrasp.loading.mesh_file import check_mesh_file
-from drake_polygrasp.loading.model_source import ModelFiles, find_packages, locate, read_model_files
+from drake_polygrasp.loading.model_source import ModelFiles, read_model_files
+from drake_polygrasp.loading.packages import (
+    find_packages,
+    locate,
+    missing_package,
+    use_packages,
+    without_network,
+)
 from drake_polygrasp.loading.rigid_group import RigidGroup, find_group, rigid_bodies
 
 _DENSITY = 1000.0
@@ -41,18 +48,21 @@ class ParsedModel(NamedTuple):
 
 
 def parse_model(
-    model_file: str | Path, body_name: str | None, package_paths: Sequence[str | Path]
+    model_file: str | Path,
+    body_name: str | None,
+    package_paths: Sequence[str | Path],
+    packages: Mapping[str, str | Path] | None = None,
 ) -> ParsedModel:
     """Reads a model file, whose meshes are checked before Drake may, and finds the body to grasp.
 
     Raises ModelError when a file is missing or malformed, or when the body cannot be told.
     """
-    packages = find_packages(model_file, package_paths)
-    files = read_model_files(locate(model_file, packages), packages)
+    package_map = find_packages(model_file, package_paths, packages)
+    files = read_model_files(locate(model_file, package_map), package_map)
     for mesh in files.meshes:
         check_mesh_file(mesh)
     with _drake_warnings() as warnings, blaming(files.model_file):
-        plant, scene_graph = _parse(files.model_file, packages)
+        plant, scene_graph = _parse(files.model_file, package_map)
     body = _choose_body(plant, body_name, files.model_file)
     context = plant.CreateDefaultContext()
     group = find_group(plant, body, context)
@@ -67,7 +77,7 @@ def blaming(where: Path | str) -> Iterator[None]:
     except (PolygraspError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
-        reason = shorten(str(error), MAX_REASON)
+        reason = missing_package(str(error)) or shorten(str(error), MAX_REASON)
         raise ModelError(f"{where}: Drake cannot load it: {reason}") from error
 
 
@@ -90,12 +100,13 @@ def _drake_warnings() -> Iterator[list[str]]:
         logger.propagate = propagate
 
 
-def _parse(model_file: Path, packages: PackageMap) -> tuple[MultibodyPlant, SceneGraph]:
+def _parse(model_file: Path, package_map: PackageMap) -> tuple[MultibodyPlant, SceneGraph]:
     plant, scene_graph = _empty_plant()
     parser = Parser(plant, scene_graph)
-    parser.package_map().AddMap(packages)
+    use_packages(parser, package_map)
     try:
-        parser.AddModels(str(model_file))
+        with without_network():
+            parser.AddModels(str(model_file))
     except RuntimeError:
         if model_file.suffix.lower() != ".obj":
             raise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +42,7 @@ def object_from_plant(
     body_name: str | None = None,
     mu: float | None = None,
     package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
     patch_angle: float | None = None,
     patch_depth: float | None = None,
 ) -> GraspObject:
@@ -64,6 +65,7 @@ def object_from_plant(
         mu: replaces the friction of the plant, which is else the lesser of each geometry's static
             and dynamic coefficients; with `model_file`, the file's.
         package_paths: folders to search for the packages of `model_file`.
+        packages: folders of packages of `model_file` by name.
         patch_angle: how far normals of a patch may lean [rad], as of `load_object`.
         patch_depth: how far its facets may lie off a plane [m], as of `load_object`.
 
@@ -91,6 +93,7 @@ def object_from_plant(
         body_name=body_name or body.name(),
         mu=mu,
         package_paths=package_paths,
+        packages=packages,
         patch_angle=patch_angle,
         patch_depth=patch_depth,
     )

@@ -6,7 +6,7 @@ shapes of the same bodies, so that the check shares nothing with the planner.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,6 +86,7 @@ def load_surroundings(
     *,
     mu: float | None = None,
     package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
 ) -> Surroundings:
     """Returns what stands around an object in a scene of model directives, at its default poses.
 
@@ -95,6 +96,7 @@ def load_surroundings(
         object_: what is grasped, loaded from a file.
         mu: the friction that replaces the models', as of `load_object`.
         package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
 
     Raises:
         UsageError: when an argument is not what it may be, or the object came from no file.
@@ -108,12 +110,12 @@ def load_surroundings(
     source = object_.source
     full_name = f"{source.model_name}::{source.body_name}"
     try:
-        parsed = parse_model(scene_file, full_name, package_paths)
+        parsed = parse_model(scene_file, full_name, package_paths, packages)
     except ModelError as error:
         if f"no body '{full_name}'" not in str(error):
             raise
         # Directives may give the model a name of their own.
-        parsed = parse_model(scene_file, source.body_name, package_paths)
+        parsed = parse_model(scene_file, source.body_name, package_paths, packages)
     builder = DiagramBuilder()
     plant, scene_graph = builder.AddSystem(parsed.plant), builder.AddSystem(parsed.scene_graph)
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
@@ -133,6 +135,7 @@ def load_surroundings(
         body_name=full_name,
         mu=mu,
         package_paths=package_paths,
+        packages=packages,
         patch_angle=source.patch_angle,
         patch_depth=source.patch_depth,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import sleep
@@ -12,8 +12,9 @@ from pydrake.geometry import Meshcat
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.grasp_file import load_grasps
-from drake_polygrasp.loading.model_source import SUFFIXES, find_packages, is_uri, resolve
+from drake_polygrasp.loading.model_source import SUFFIXES
 from drake_polygrasp.loading.object_model import load_object
+from drake_polygrasp.loading.packages import find_packages, is_uri, resolve
 from drake_polygrasp.visualization.page import save_html
 from drake_polygrasp.visualization.scene import AnyGrasp, draw_grasps, look_at, show_rank
 
@@ -43,17 +44,24 @@ def exhibit_model(
     body_name: str | None = None,
     mu: float | None = None,
     package_paths: Sequence[Path | str] = (),
+    packages: Mapping[str, str | Path] | None = None,
 ) -> Exhibit:
     """Loads an object and plans grasps of it; arguments and errors as of `load_object`."""
     # Showing a grasp file needs no planner.
     from drake_polygrasp.pipeline import plan_grasps
 
-    object_ = load_object(model_file, body_name=body_name, mu=mu, package_paths=package_paths)
+    object_ = load_object(
+        model_file, body_name=body_name, mu=mu, package_paths=package_paths, packages=packages
+    )
     plan = plan_grasps(object_)
     return Exhibit(object_, plan.grasps, plan.settings["tip_radius"])
 
 
-def exhibit_file(path: Path | str, package_paths: Sequence[Path | str] = ()) -> Exhibit:
+def exhibit_file(
+    path: Path | str,
+    package_paths: Sequence[Path | str] = (),
+    packages: Mapping[str, str | Path] | None = None,
+) -> Exhibit:
     """Reads a grasp file and loads its object; nothing that the file claims is checked.
 
     Raises:
@@ -62,8 +70,8 @@ def exhibit_file(path: Path | str, package_paths: Sequence[Path | str] = ()) -> 
     """
     file = load_grasps(path)
     stated = file.object_
-    packages = find_packages(file.path, package_paths)
-    model_file = resolve(stated.model_file, file.path.parent, packages)
+    package_map = find_packages(file.path, package_paths, packages)
+    model_file = resolve(stated.model_file, file.path.parent, package_map)
     if not model_file.is_file():
         raise ModelError(f"{path}: its model {model_file} is not there, and without it is no shape")
     object_ = load_object(
@@ -71,6 +79,7 @@ def exhibit_file(path: Path | str, package_paths: Sequence[Path | str] = ()) -> 
         body_name=f"{stated.model_name}::{stated.body_name}",
         mu=file.plan.get("mu"),
         package_paths=package_paths,
+        packages=packages,
         patch_angle=stated.patch_angle,
         patch_depth=stated.patch_depth,
     )
