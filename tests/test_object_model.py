@@ -375,5 +375,5 @@ def test_packages_are_found_above_the_model_and_below_given_folders(
     assert named.source is not None
     assert named.source.model_file == "package://pkg/deep/model.sdf"
     assert named.source.sha256 == model_digest(inside)
-    with pytest.raises(ModelError, match="package 'pkg' is unknown; name a folder"):
+    with pytest.raises(ModelError, match="package 'pkg' is unknown; name its folder"):
         load_object(outside)
