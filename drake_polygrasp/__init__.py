@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.gap import BetterGrasp, Gap, epsilon_gap
     from drake_polygrasp.geometry.obstacles import Obstacles
     from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, GraspObject
-    from drake_polygrasp.grasp_file import GraspFile, load_grasps, save_grasps
+    from drake_polygrasp.grasp_file import load_grasps, save_grasps
     from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.loading.plant_object import object_from_plant
     from drake_polygrasp.loading.plant_obstacles import obstacles_from_plant
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
     from drake_polygrasp.plant_ranking import rank_in_plant
     from drake_polygrasp.plant_verdicts import PlantRecord, PlantVerdict
+    from drake_polygrasp.stated_grasp import GraspFile
     from drake_polygrasp.systems import GraspForces
     from drake_polygrasp.verification import Report, verify_file
 
@@ -87,7 +88,7 @@ _HOMES = {
     "gap": ("BetterGrasp", "Gap", "epsilon_gap"),
     "geometry.obstacles": ("Obstacles",),
     "grasp": ("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
-    "grasp_file": ("GraspFile", "load_grasps", "save_grasps"),
+    "grasp_file": ("load_grasps", "save_grasps"),
     "loading.object_model": ("load_object",),
     "loading.plant_object": ("object_from_plant",),
     "loading.plant_obstacles": ("obstacles_from_plant",),
@@ -95,6 +96,7 @@ _HOMES = {
     "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
     "plant_ranking": ("rank_in_plant",),
     "plant_verdicts": ("PlantRecord", "PlantVerdict"),
+    "stated_grasp": ("GraspFile",),
     "systems": ("GraspForces",),
     "verification": ("Report", "verify_file"),
 }

@@ -38,6 +38,8 @@ def check_number(
     most: float = math.inf,
 ) -> float:
     """Returns a finite number within bounds as a float; `demand` says in words what it must be."""
+    if isinstance(value, np.ndarray) and value.shape == ():
+        value = value.item()
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
         raise refuse(name, value, demand)
     number = float(value)
@@ -54,7 +56,7 @@ def check_length(name: str, value: object) -> float:
 def check_count(name: str, value: object) -> int:
     """Returns a whole number, at least 1."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
-        raise refuse(name, value, "a whole number, at least 1")
+        raise refuse(name, value, "a whole number and at least 1")
     if int(value) < 1:
         raise UsageError(f"{name} is {int(value)}; it must be at least 1")
     return int(value)
@@ -85,6 +87,8 @@ def check_path(name: str, value: object) -> str | Path:
         value = value if isinstance(value, Path) else os.fspath(value)
     if not isinstance(value, str | Path):
         raise refuse(name, value, "a path, as text or pathlib.Path")
+    if "\0" in str(value):
+        raise refuse(name, value, "a path, in which there are no null characters")
     return value
 
 

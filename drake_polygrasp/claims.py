@@ -26,7 +26,7 @@ from drake_polygrasp.certification.wrench_space import (
     tilt_tolerance,
 )
 from drake_polygrasp.grasp import Grasp, Quality
-from drake_polygrasp.grasp_file import StatedGrasp, StatedObject
+from drake_polygrasp.stated_grasp import StatedGrasp, StatedObject
 from drake_polygrasp.wrench import edge_forces
 
 FORCE_TOLERANCE = 1e-9

@@ -14,9 +14,10 @@ from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import AddFrame, ModelDirective, ModelDirectives
 
+from drake_polygrasp.arguments import check_instance, check_path
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.grasp import AnyGrasp, Grasp, grasp_of
-from drake_polygrasp.grasp_file import GraspFile
+from drake_polygrasp.stated_grasp import GraspFile
 from drake_polygrasp.wrench import contact_frames
 
 
@@ -69,10 +70,16 @@ def export_directives(file: GraspFile, output: Path | str) -> None:
     What a plant said of the grasps stands above them in comments, for directives have no place
     for it.
 
+    Args:
+        file: from `load_grasps`.
+        output: the model directives.
+
     Raises:
+        UsageError: when an argument is not what it may be.
         GraspFileError: when `output` cannot be written, or would be the grasp file.
     """
-    output = Path(output)
+    check_instance("file", file, GraspFile, "as load_grasps returns it")
+    output = Path(check_path("output", output))
     if output.exists() and output.samefile(file.path):
         raise GraspFileError(f"{output}: is the grasp file; name another for the directives")
     try:

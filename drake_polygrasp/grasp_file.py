@@ -10,7 +10,6 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import Any, get_args
@@ -19,7 +18,8 @@ import numpy as np
 import yaml
 
 from drake_polygrasp import __version__
-from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.arguments import check_instance, check_items, check_path, refuse
+from drake_polygrasp.arrays import frozen
 from drake_polygrasp.digits import unit_digits
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.grasp import (
@@ -34,74 +34,11 @@ from drake_polygrasp.grasp import (
 from drake_polygrasp.plain_yaml import Block, read_mapping
 from drake_polygrasp.plan_settings import read_settings
 from drake_polygrasp.plant_block import plant_document, read_plant
-from drake_polygrasp.plant_verdicts import PlantRecord
+from drake_polygrasp.stated_grasp import GraspFile, StatedCertificate, StatedGrasp, StatedObject
 from drake_polygrasp.wrench import edge_forces
 
 FORMAT = "drake_polygrasp/grasps"
 VERSION = 1
-
-
-@dataclass(frozen=True, eq=False)
-class StatedObject:
-    """The object as the file states it; see `GraspObject` for units and frames."""
-
-    model_file: str
-    """Relative to the grasp file's folder, or a package:// URI."""
-    sha256: str
-    model_name: str
-    body_name: str
-    mass: float | None
-    p_BBcm: Array
-    rho: float
-    num_faces: int
-    patch_angle: float | None = None
-    """What the model is loaded with, None for the default; see `load_object`."""
-    patch_depth: float | None = None
-    links: tuple[str, ...] | None = None
-    """Those of a rigid body of several, None where the file names none."""
-
-
-@dataclass(frozen=True, eq=False)
-class StatedCertificate:
-    """What the file claims of a grasp, None where it is silent; see `Certificate`."""
-
-    internal_force: Array
-    margin: float | None = None
-    mu_min: float | None = None
-    mu_min_internal_force: Array | None = None
-    epsilon_lower: float | None = None
-    epsilon_upper: float | None = None
-    placement_tolerance: float | None = None
-    squeeze_force: float | None = None
-    tilt_tolerance: float | None = None
-    friction_tolerance: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class StatedGrasp:
-    """A grasp and what the file claims of it: nothing here is proved by being read."""
-
-    grasp: Grasp
-    f_Bc_B: Array
-    """The internal force on B at each contact, shape (3, 3); normal forces add up to 1."""
-    certificate: StatedCertificate
-    tip_radius: float | None = None
-    """Radius of the plan's fingertips [m]; None where the file states none."""
-    plant: PlantRecord | None = None
-    """What a plant said of the grasp; None where the file states nothing."""
-
-
-@dataclass(frozen=True, eq=False)
-class GraspFile:
-    """A grasp file's content, grasps best first."""
-
-    path: Path
-    object_: StatedObject
-    grasps: tuple[StatedGrasp, ...]
-    plan: Mapping[str, Any] = field(default_factory=dict)
-    """What it takes to repeat the plan."""
-    generator: Mapping[str, Any] = field(default_factory=dict)
-    """The versions that wrote the file."""
 
 
 def save_grasps(
@@ -120,10 +57,19 @@ def save_grasps(
         plan_settings: what repeats the plan: `GraspPlan.settings`, or `GraspFile.plan`.
 
     Raises:
+        UsageError: when an argument is not what it may be.
         GraspFileError: when `object_` came from no file, a number is not finite, or `path` cannot
             be written.
     """
-    path = Path(path)
+    path = Path(check_path("path", path))
+    check_instance("object_", object_, GraspObject, "as load_object returns it")
+    if not isinstance(plan_settings, Mapping):
+        raise refuse("plan_settings", plan_settings, "a mapping, such as plan.settings")
+    kinds = (CertifiedGrasp, StatedGrasp)
+    grasps = check_items("grasps", grasps)
+    for i, grasp in enumerate(grasps):
+        if not isinstance(grasp, kinds):
+            raise refuse(f"grasps[{i}]", grasp, "a CertifiedGrasp, as plan.grasps holds them")
     if object_.source is None:
         raise GraspFileError(
             f"{path}: a grasp file names its model, and this object came from none; give "
@@ -188,9 +134,10 @@ def load_grasps(path: Path | str) -> GraspFile:
     Whether what it claims is true is not asked here: see `drake_polygrasp.verification`.
 
     Raises:
+        UsageError: when the path is none.
         GraspFileError: naming the file, the place in it and what is wrong there.
     """
-    path = Path(path)
+    path = Path(check_path("path", path))
     root = read_mapping(path)
     if (format_ := root.text("format")) != FORMAT:
         raise GraspFileError(f"{path}: format is {format_!r}, not {FORMAT!r}: no grasp file")
@@ -241,16 +188,18 @@ def _plain(value: Any) -> Any:
     """`value` with NumPy's types and tuples replaced by Python's floats and lists.
 
     Raises:
-        GraspFileError: for a number that is not finite, which the format does not know.
+        GraspFileError: for a number that is not finite, and what else the format does not know.
     """
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
         raise GraspFileError(f"a grasp file holds finite numbers, not {value}")
+    if value is not None and not isinstance(value, str | bool | int | float):
+        raise GraspFileError(f"a grasp file holds numbers, text, lists and mappings, not {value!r}")
     return value
 
 

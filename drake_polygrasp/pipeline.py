@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from drake_polygrasp.arguments import check_choice, check_count, check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen, keep_freed_memory
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
@@ -125,13 +126,14 @@ def plan_grasps(
     """
     start = perf_counter()
     keep_freed_memory()
-    rank = rank or ("Q" if method == "paper" else "epsilon")
-    if top < 1:
-        raise UsageError(f"top is {top}; it must be at least 1")
-    if rank not in ("epsilon", "margin", "Q"):
-        raise UsageError(f"rank is {rank!r}; it must be 'epsilon', 'margin' or 'Q'")
-    if effort not in get_args(EffortName):
-        raise UsageError(f"effort is {effort!r}; it must be 'full' or 'quick'")
+    check_choice("method", method, get_args(Method))
+    if rank is None:
+        rank = "Q" if method == "paper" else "epsilon"
+    top = check_count("top", top)
+    check_choice("rank", rank, get_args(Rank))
+    check_choice("effort", effort, get_args(EffortName))
+    if steps is not None:
+        check_instance("steps", steps, Steps)
     if effort == "quick" and (method, rank, steps) != ("enriched", "epsilon", None):
         raise UsageError(
             "effort 'quick' is for all steps of 'enriched', ranked by epsilon; leave out method, "

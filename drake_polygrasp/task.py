@@ -10,6 +10,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
+from drake_polygrasp.arguments import check_choice, check_instance, check_length
 from drake_polygrasp.arrays import Ints
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
@@ -119,11 +120,14 @@ def make_task(
 
     Raises UsageError when a parameter is not what it may be.
     """
-    if method not in get_args(Method):
-        raise UsageError(f"method is {method!r}; it must be one of {', '.join(get_args(Method))}")
-    for name, length in (("edge_clearance", edge_clearance), ("tip_radius", tip_radius)):
-        if length is not None and not 0 <= length < np.inf:
-            raise UsageError(f"{name} is {length}; it must be a length in metres, 0 or more")
+    check_instance("object_", object_, GraspObject, "as load_object returns it")
+    check_choice("method", method, get_args(Method))
+    if edge_clearance is not None:
+        edge_clearance = check_length("edge_clearance", edge_clearance)
+    if tip_radius is not None:
+        tip_radius = check_length("tip_radius", tip_radius)
+    if obstacles is not None:
+        check_instance("obstacles", obstacles, Obstacles, "as obstacles_from_plant returns them")
     L = object_.polyhedron.diameter
     tip = TIP_RADIUS * L if tip_radius is None else tip_radius
     settings: dict[str, Any] = {

@@ -16,20 +16,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drake_polygrasp.arguments import check_callback, check_flag, check_paths
+from drake_polygrasp.arguments import check_callback, check_flag, check_path, check_paths
 from drake_polygrasp.claims import ROUNDING, check_proof, force_faults, number_faults
 from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.exclusion import Exclusion
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.grasp_file import GraspFile, StatedGrasp, StatedObject, load_grasps
+from drake_polygrasp.grasp_file import load_grasps
 from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.packages import find_packages, resolve
 from drake_polygrasp.plan_settings import exclusion_of
 from drake_polygrasp.plant_verdicts import PlantRecord
 from drake_polygrasp.progress import Progress, no_progress
+from drake_polygrasp.stated_grasp import GraspFile, StatedGrasp, StatedObject
 
 if TYPE_CHECKING:
     from drake_polygrasp.certification.in_plant import PlantReport
@@ -140,6 +141,8 @@ def verify_file(
     package_paths = check_paths("package_paths", package_paths)
     plant = check_flag("plant", plant)
     check_callback("progress", progress)
+    if scene is not None:
+        check_path("scene", scene)
     if scene is not None and not plant:
         raise UsageError("a scene is for the plant that grasps are checked in: add plant=True")
     file = load_grasps(path)

@@ -37,7 +37,7 @@ ALLOWED_IN_PURE = ("pydrake.math",)
 LAYERS = (
     ("errors", "arrays", "arguments", "progress", "vectors", "digits"),
     ("geometry", "wrench", "facet_lines", "epsilon_bound"),
-    ("plant_verdicts", "grasp"),
+    ("plant_verdicts", "grasp", "stated_grasp"),
     ("input_file", "plain_yaml", "loading"),
     ("planning", "certification", "grasp_file", "plan_settings", "plant_block"),
     (

@@ -172,7 +172,7 @@ def test_nothing_is_left_when_all_is_excluded(name: str) -> None:
         ({"exclude_faces": [6]}, "0 to 5"),
         ({"exclude_faces": [-1]}, "0 to 5"),
         ({"exclude_faces": [0.5]}, "0 to 5"),
-        ({"exclude_faces": "0"}, "0 to 5"),
+        ({"exclude_faces": "0"}, "must be a list"),
     ],
 )
 def test_what_cannot_be_avoided_is_refused(avoided: dict[str, Any], complaint: str) -> None:

@@ -28,8 +28,9 @@ from drake_polygrasp.grasp import (
     ModelSource,
     Quality,
 )
-from drake_polygrasp.grasp_file import GraspFile, grasp_document, load_grasps, save_grasps
+from drake_polygrasp.grasp_file import grasp_document, load_grasps, save_grasps
 from drake_polygrasp.plain_yaml import MAX_BYTES
+from drake_polygrasp.stated_grasp import GraspFile
 from tests.grasp_files import EXAMPLE
 
 KEYS = {

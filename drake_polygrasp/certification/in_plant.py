@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import Meshcat
 
+from drake_polygrasp.arguments import check_array, check_instance, check_length, check_paths
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact, simulation, statics
 from drake_polygrasp.certification.certify import Proof, prove
@@ -92,7 +93,15 @@ def certify_in_plant(
         UsageError: when nothing says how large the fingertips are, or the grasp is none.
         ModelError: when the object came from no file, or the file cannot be read again.
     """
+    check_instance("object_", object_, GraspObject, "as load_object returns it")
     contacts = grasp_of(grasp)
+    if internal_force is not None:
+        internal_force = check_array("internal_force", internal_force, (3,))
+    package_paths = check_paths("package_paths", package_paths)
+    if surroundings is not None:
+        check_instance("surroundings", surroundings, Surroundings)
+    if meshcat is not None:
+        check_instance("meshcat", meshcat, Meshcat)
     if internal_force is None and not isinstance(grasp, Grasp):
         internal_force = grasp.certificate.internal_force
     scene = make_scene(object_, contacts, _tip_radius(grasp, tip_radius), package_paths, packages)
@@ -143,7 +152,7 @@ def _tip_radius(grasp: AnyGrasp, asked: float | None) -> float:
             "nothing says how large the fingertips are: give tip_radius [m], or a grasp of "
             "plan_grasps, which brings it"
         )
-    return float(radius)
+    return check_length("tip_radius", radius)
 
 
 def _exact(grasp: Grasp, internal_force: Array | None, proof: Proof) -> PlantVerdict:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from drake_polygrasp.arguments import check_items
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, Polyhedron
@@ -74,8 +75,11 @@ def exclusion(
     Raises:
         UsageError: when a direction is no direction, or there is no face of an index.
     """
-    directions = [_unit(direction) for direction in avoid_directions]
-    faces = sorted({_face_index(face, len(polyhedron.faces)) for face in exclude_faces})
+    directions = [
+        _unit(direction) for direction in check_items("avoid_directions", avoid_directions)
+    ]
+    indices = check_items("exclude_faces", exclude_faces)
+    faces = sorted({_face_index(face, len(polyhedron.faces)) for face in indices})
     return Exclusion(frozen(np.reshape(directions, (-1, 3))), tuple(faces))
 
 

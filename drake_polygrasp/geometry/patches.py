@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from drake_polygrasp.arguments import check_number, refuse
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.inradius import rough_inradius
 from drake_polygrasp.geometry.sections import merged
 from drake_polygrasp.geometry.shells import connected_components, edge_neighbors
@@ -67,10 +67,11 @@ class Patch(NamedTuple):
 
 def check_tolerances(angle: float | None, depth: float | None) -> None:
     """Raise UsageError for an angle [rad] or a depth [m] that no patch has."""
-    if angle is not None and not 0 < angle < np.pi / 2:
-        raise UsageError(f"patch_angle is {angle}; it must be radians, above 0 and below pi/2")
-    if depth is not None and not 0 < depth < np.inf:
-        raise UsageError(f"patch_depth is {depth}; it must be a length in metres, above 0")
+    demand = "radians, above 0 and below pi/2"
+    if angle is not None and not check_number("patch_angle", angle, demand, above=0.0) < np.pi / 2:
+        raise refuse("patch_angle", angle, demand)
+    if depth is not None:
+        check_number("patch_depth", depth, "a length in metres, above 0", above=0.0)
 
 
 def curved_triangles(vertices: Array, corners: Ints, L: float, flatness: float) -> Bools:

@@ -9,9 +9,10 @@ import numpy as np
 from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.systems.framework import Context
 
+from drake_polygrasp.arguments import check_number
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.digits import on_grid, significant
-from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.polyhedron import (
     FLATNESS,
     Polyhedron,
@@ -49,8 +50,9 @@ def mass_properties(group: RigidGroup, context: Context) -> MassProperties | Non
 
 def check_friction(mu: float | None, where: str) -> None:
     """Raises UsageError for a friction that somebody gave and nobody can have."""
-    if mu is not None and not 0 < mu <= MAX_FRICTION:
-        raise UsageError(f"the friction given for {where} is {mu}; {_FRICTION}")
+    if mu is not None:
+        demand = _FRICTION.removeprefix("it must be ")
+        check_number(f"the friction mu given for {where}", mu, demand, above=0.0, most=MAX_FRICTION)
 
 
 def describe_group(group: RigidGroup, where: str) -> Iterator[str]:

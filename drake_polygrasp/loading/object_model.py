@@ -14,6 +14,8 @@ from pydrake.geometry import SceneGraphInspector, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RigidBody, SpatialInertia
 
+from drake_polygrasp.arguments import check_path, check_paths, check_text
+from drake_polygrasp.geometry.patches import check_tolerances
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.body_object import (
     DEFAULT_MU,
@@ -72,6 +74,11 @@ def load_object(
     collision geometry is nothing to hold; UsageError when `mu` is not above 0 or a patch cannot
     be as asked for.
     """
+    check_path("model_file", model_file)
+    if body_name is not None:
+        check_text("body_name", body_name)
+    package_paths = check_paths("package_paths", package_paths)
+    check_tolerances(patch_angle, patch_depth)
     check_friction(mu, str(model_file))
     parsed = parse_model(model_file, body_name, package_paths, packages)
     files, group, warnings = parsed.files, parsed.group, parsed.warnings

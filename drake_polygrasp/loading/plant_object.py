@@ -11,8 +11,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context
 
+from drake_polygrasp.arguments import check_path, check_paths, check_text
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
+from drake_polygrasp.geometry.patches import check_tolerances
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Polyhedron
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.body_object import (
@@ -78,6 +80,12 @@ def object_from_plant(
     inspector = query_of(plant, body, context).inspector()
     where = describe(body)
     check_friction(mu, where)
+    check_tolerances(patch_angle, patch_depth)
+    package_paths = check_paths("package_paths", package_paths)
+    if model_file is not None:
+        check_path("model_file", model_file)
+    if body_name is not None:
+        check_text("body_name", body_name)
     group = find_group(plant, body, context)
     colliders = group.colliders(plant, inspector)
     if not colliders:

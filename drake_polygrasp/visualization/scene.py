@@ -16,7 +16,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Face, surface_vertices
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
-from drake_polygrasp.grasp_file import StatedGrasp
+from drake_polygrasp.stated_grasp import StatedGrasp
 from drake_polygrasp.visualization.labels import label_F
 from drake_polygrasp.visualization.meshes import (
     face_edges,

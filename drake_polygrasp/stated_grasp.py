@@ -1,0 +1,75 @@
+"""What a grasp file states, as values: an object, grasps and claims; nothing of it is proved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.grasp import Grasp
+from drake_polygrasp.plant_verdicts import PlantRecord
+
+
+@dataclass(frozen=True, eq=False)
+class StatedObject:
+    """The object as the file states it; see `GraspObject` for units and frames."""
+
+    model_file: str
+    """Relative to the grasp file's folder, or a package:// URI."""
+    sha256: str
+    model_name: str
+    body_name: str
+    mass: float | None
+    p_BBcm: Array
+    rho: float
+    num_faces: int
+    patch_angle: float | None = None
+    """What the model is loaded with, None for the default; see `load_object`."""
+    patch_depth: float | None = None
+    links: tuple[str, ...] | None = None
+    """Those of a rigid body of several, None where the file names none."""
+
+
+@dataclass(frozen=True, eq=False)
+class StatedCertificate:
+    """What the file claims of a grasp, None where it is silent; see `Certificate`."""
+
+    internal_force: Array
+    margin: float | None = None
+    mu_min: float | None = None
+    mu_min_internal_force: Array | None = None
+    epsilon_lower: float | None = None
+    epsilon_upper: float | None = None
+    placement_tolerance: float | None = None
+    squeeze_force: float | None = None
+    tilt_tolerance: float | None = None
+    friction_tolerance: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StatedGrasp:
+    """A grasp and what the file claims of it: nothing here is proved by being read."""
+
+    grasp: Grasp
+    f_Bc_B: Array
+    """The internal force on B at each contact, shape (3, 3); normal forces add up to 1."""
+    certificate: StatedCertificate
+    tip_radius: float | None = None
+    """Radius of the plan's fingertips [m]; None where the file states none."""
+    plant: PlantRecord | None = None
+    """What a plant said of the grasp; None where the file states nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class GraspFile:
+    """A grasp file's content, grasps best first."""
+
+    path: Path
+    object_: StatedObject
+    grasps: tuple[StatedGrasp, ...]
+    plan: Mapping[str, Any] = field(default_factory=dict)
+    """What it takes to repeat the plan."""
+    generator: Mapping[str, Any] = field(default_factory=dict)
+    """The versions that wrote the file."""
