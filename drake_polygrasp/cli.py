@@ -101,6 +101,7 @@ def _load(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
         packages=dict(arguments.packages),
         patch_angle=arguments.patch_angle,
         patch_depth=arguments.patch_depth,
+        joints_free=arguments.joints_free,
     )
     _warn(object_.warnings)
     return object_, seconds
@@ -272,9 +273,16 @@ def _show(arguments: argparse.Namespace) -> tuple[int, str]:
     options = {"package_paths": arguments.package_path, "packages": packages}
     kind = "model" if is_model(name) else "file"
     if kind == "model":
-        options |= {"body_name": arguments.body, "mu": arguments.mu}
-    elif arguments.body is not None or arguments.mu is not None:
-        raise UsageError(f"{name}: a grasp file states its body and friction; leave them out")
+        options |= {
+            "body_name": arguments.body,
+            "mu": arguments.mu,
+            "joints_free": arguments.joints_free,
+        }
+    elif arguments.body is not None or arguments.mu is not None or arguments.joints_free:
+        raise UsageError(
+            f"{name}: a grasp file states its body and friction, and whether joints are free; "
+            "leave them out"
+        )
     maker = f"drake_polygrasp.visualization.show:exhibit_{kind}"
     exhibit, _ = call_in_child(maker, name, task=_task(arguments, f"showing {name}"), **options)
     _warn(exhibit.object_.warnings)

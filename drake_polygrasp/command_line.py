@@ -55,6 +55,15 @@ def _add_package_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_joints_free(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--joints-free",
+        action="store_true",
+        help="ignore the links on the body's joints (default: in the model's default posture they "
+        "cover faces and leave fingertips no room)",
+    )
+
+
 def _add_common_options(parser: argparse.ArgumentParser) -> None:
     _add_package_options(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object for machines")
@@ -64,7 +73,13 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "model", metavar="MODEL", help="what Drake reads: .sdf .urdf .xml .dmd.yaml .obj"
     )
-    parser.add_argument("--body", metavar="NAME", help="the body to grasp, where there are several")
+    parser.add_argument(
+        "--body",
+        metavar="NAME",
+        help="a link of the rigid body to grasp, whose frame is B (default: the base link of the "
+        "only one)",
+    )
+    _add_joints_free(parser)
     parser.add_argument(
         "--mu",
         type=_friction,
@@ -239,6 +254,7 @@ def _add_show(commands: Any) -> None:
         help="write a page that opens offline (default: serve Meshcat until Ctrl-C)",
     )
     parser.add_argument("--body", metavar="NAME", help="the body of MODEL, where there are several")
+    _add_joints_free(parser)
     parser.add_argument("--mu", type=_friction, help="friction for MODEL (default: as in plan)")
     _add_package_options(parser)
 

@@ -48,6 +48,8 @@ class ModelSource:
     patch_depth: float | None = None
     links: tuple[str, ...] = ()
     """The links that the model fixes to one another, when more than one; B is of `body_name`."""
+    joints_free: bool = False
+    """Whether links on its joints were ignored, as of `load_object`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -181,7 +181,8 @@ def _object_document(object_: GraspObject, source: ModelSource, folder: Path) ->
     )
     asked = {"patch_angle": source.patch_angle, "patch_depth": source.patch_depth}
     document |= {key: float(value) for key, value in asked.items() if value is not None}
-    return document | ({"links": list(source.links)} if source.links else {})
+    document |= {"links": list(source.links)} if source.links else {}
+    return document | ({"joints_free": True} if source.joints_free else {})
 
 
 def _plain(value: Any) -> Any:
@@ -232,6 +233,7 @@ def _read_object(block: Block) -> StatedObject:
         patch_angle=_read_patch_tolerance(block, "patch_angle", below=math.pi / 2),
         patch_depth=_read_patch_tolerance(block, "patch_depth", below=math.inf),
         links=_read_links(block),
+        joints_free=_read_joints_free(block),
     )
 
 
@@ -242,6 +244,13 @@ def _read_links(block: Block) -> tuple[str, ...] | None:
     if len(links) < 2 or not all(isinstance(name, str) and name for name in links):
         raise block.refuse("links", "a list of the names of two links or more")
     return tuple(links)
+
+
+def _read_joints_free(block: Block) -> bool:
+    value = block.data.get("joints_free", False)
+    if not isinstance(value, bool):
+        raise block.refuse("joints_free", "true or false")
+    return value
 
 
 def _read_patch_tolerance(block: Block, key: str, below: float) -> float | None:

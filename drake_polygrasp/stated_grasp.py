@@ -30,6 +30,8 @@ class StatedObject:
     patch_depth: float | None = None
     links: tuple[str, ...] | None = None
     """Those of a rigid body of several, None where the file names none."""
+    joints_free: bool = False
+    """Whether links on joints were ignored."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -257,6 +257,7 @@ def _find_model(
             packages=packages,
             patch_angle=stated.patch_angle,
             patch_depth=stated.patch_depth,
+            joints_free=stated.joints_free,
         )
     except ModelError as error:
         return _Model(None, Line(Status.FAILED, str(error)))

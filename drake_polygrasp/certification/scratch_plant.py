@@ -90,6 +90,18 @@ def add_surface(
     ]
 
 
+def add_covers(
+    plant: MultibodyPlant, body: RigidBody, scene: Scene, stiffness: float | None = None
+) -> list[GeometryId]:
+    """The collision geometry of links on the object's joints, locked where they are by default."""
+    return [
+        plant.RegisterCollisionGeometry(
+            body, X_BG, shape, f"cover_{k}", _material(scene.mu_object, stiffness)
+        )
+        for k, (shape, X_BG) in enumerate(scene.solid.covers)
+    ]
+
+
 def add_pads(
     plant: MultibodyPlant, body: RigidBody, scene: Scene, stiffness: float | None = None
 ) -> list[GeometryId]:

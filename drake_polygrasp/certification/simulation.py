@@ -37,7 +37,13 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.holding import Holding, normal_forces
-from drake_polygrasp.certification.scratch_plant import Scene, add_pads, add_surface, add_tip
+from drake_polygrasp.certification.scratch_plant import (
+    Scene,
+    add_covers,
+    add_pads,
+    add_surface,
+    add_tip,
+)
 
 MAX_TIME_STEP = 1e-3
 """[s]"""
@@ -206,11 +212,15 @@ class _Harness:
         # Two surfaces in series.
         contact = 2.0 * CONTACT_STIFFNESS * stiffness
         body = plant.AddRigidBody("object", scene.solid.M_BBo_B)
-        for k, (shape, X_BG) in enumerate(scene.solid.parts):
+        for k, (shape, X_BG) in enumerate((*scene.solid.parts, *scene.solid.covers)):
             plant.RegisterVisualGeometry(body, X_BG, shape, f"surface_{k}", _OBJECT_COLOUR)
         # Point contact would fill the notches of what is not convex.
         on_pads = not scene.solid.is_hulls
-        (add_pads if on_pads else add_surface)(plant, body, scene, contact)
+        if on_pads:
+            add_pads(plant, body, scene, contact)
+        else:
+            add_surface(plant, body, scene, contact)
+            add_covers(plant, body, scene, contact)
         mass = scene.solid.M_BBo_B.get_mass()
         gains = PdControllerGains(p=stiffness, d=2.0 * np.sqrt(stiffness * mass))
         tips = []

@@ -25,6 +25,8 @@ reach whatever is open to them."""
 _SAMPLES = 2
 """Per side of a cell, ours: samples of the surface so near to each other leave no way through it
 from a cell to its neighbour."""
+_BEYOND = 0.5
+"""Times L, ours: how far beyond the body rooms that it makes with other bodies are followed."""
 _AT_ONCE = 64
 """Triangles that are sampled together, ours: some 100 MB at most."""
 
@@ -56,20 +58,26 @@ class Cavities:
 
 
 def find_cavities(
-    triangles: Array, closed: Bools, primitives: Sequence[Primitive], L: float
+    triangles: Array, closed: Bools, primitives: Sequence[Primitive], L: float, own: Bools
 ) -> Cavities | None:
     """The sealed cavities of a body of triangles (T, 3, 3) [m], outward; None when it has none.
 
     `closed` (T,) are triangles of closed shells, which with the curved solids tell what is solid.
+    Of triangles that are not the body's `own` (T,), those within `_BEYOND` L of it count.
     """
     side = L / _CELLS
+    least = triangles[own].min(axis=(0, 1)) - _BEYOND * L
+    most = triangles[own].max(axis=(0, 1)) + _BEYOND * L
+    walls = np.concatenate([triangles[own], _within(triangles[~own], least, most, L)])
     # A layer of cells all round is outside, whatever rounding does.
-    low = triangles.min(axis=(0, 1)) - 1.5 * side
-    shape = np.ceil((triangles.max(axis=(0, 1)) - low) / side).astype(np.int64) + 1
+    low = np.maximum(walls.min(axis=(0, 1)), least) - 1.5 * side
+    high = np.minimum(walls.max(axis=(0, 1)), most)
+    shape = np.ceil((high - low) / side).astype(np.int64) + 1
     free = np.ones(tuple(shape), dtype=bool)
-    for some in np.array_split(triangles, len(triangles) // _AT_ONCE + 1):
-        cells = np.floor((_samples(some, side / _SAMPLES) - low) / side).astype(np.int64)
-        free[tuple(cells.T)] = False
+    for some in np.array_split(walls, len(walls) // _AT_ONCE + 1):
+        samples = _samples(some, side / _SAMPLES)
+        samples = samples[((samples >= least) & (samples <= most)).all(axis=1)]
+        free[tuple(np.floor((samples - low) / side).astype(np.int64).T)] = False
     run, room = _rooms(free)
     rooms = np.unique(room[room != room[0]])  # The first cell is outside.
     first = np.searchsorted(run.ravel(), rooms)
@@ -81,6 +89,26 @@ def find_cavities(
         return None
     sealed = free & np.isin(room, rooms[~solid])[run]
     return Cavities(frozen(low), float(side), frozen(sealed, bool))
+
+
+def _within(triangles: Array, low: Array, high: Array, size: float) -> Array:
+    """What of triangles (T, 3, 3) is within a box, in pieces of at most `size`, (N, 3, 3).
+
+    Pieces may reach out of it.
+    """
+    while True:
+        outside = (triangles.min(axis=1) > high) | (triangles.max(axis=1) < low)
+        triangles = triangles[~outside.any(axis=1)]
+        sides = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+        large = sides.max(axis=1) > size
+        if not large.any():
+            return triangles
+        a, b, c = np.moveaxis(triangles[large], 1, 0)
+        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+        quarters = [
+            np.stack(q, axis=1) for q in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        ]
+        triangles = np.concatenate([triangles[~large], *quarters])
 
 
 def _samples(triangles: Array, spacing: float) -> Array:

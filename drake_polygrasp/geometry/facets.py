@@ -32,13 +32,13 @@ is flat to whoever asks how far a contact may move."""
 def is_covered(
     polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, step: float = _JUST_OUTSIDE
 ) -> Bools:
-    """Whether the point `step` L outside each contact is inside a part of the body.
+    """Whether the point `step` L outside each contact is inside a part of the body or a cover.
 
     Of contacts p_BC [m] on the surface with inward normals, both (M, 3); shape (M,).
     """
     outside = p_BC - step * polyhedron.diameter * nhat_TB_B
     covered = polyhedron.solids.winding_numbers(outside) > 0
-    for solid in polyhedron.primitives:
+    for solid in (*polyhedron.primitives, *polyhedron.covering):
         covered |= solid.distance(outside) < 0
     return covered
 

@@ -75,7 +75,7 @@ class Polyhedron:
     diameter: float
     """L [m]: greatest distance between two vertices."""
     triangles_B: Array
-    """All collision triangles of the body [m], shape (T, 3, 3), counter-clockwise from outside."""
+    """All collision triangles [m], shape (T, 3, 3), counter-clockwise from outside."""
     triangle_face: Ints
     """The face that each triangle shares most of its area with, -1 where it is wholly covered or
     belongs to no face, shape (T,)."""
@@ -83,11 +83,31 @@ class Polyhedron:
     """Whether each triangle's shell is closed and so has an inside, shape (T,); None when all
     are."""
     primitives: tuple[Primitive, ...] = ()
-    """The curved solids among the parts; their triangles are inscribed in them."""
+    """The curved solids among the body's parts; their triangles are inscribed in them."""
     cavities: Cavities | None = None
     """The rooms that the parts seal, whose walls are no faces; None when there are none."""
     warnings: tuple[str, ...] = ()
     """What was changed of the geometry's files, one sentence each."""
+    own: Bools | None = None
+    """Whether each triangle is of the body, or of another that covers it, shape (T,); None when all
+    are its own."""
+    covering: tuple[Primitive, ...] = ()
+    """The curved solids of other bodies that cover it."""
+
+    @cached_property
+    def own_triangles_B(self) -> Array:
+        """The body's own [m], shape (N, 3, 3)."""
+        return self.triangles_B if self.own is None else frozen(self.triangles_B[self.own])
+
+    @property
+    def covers_B(self) -> Array:
+        """Those of other bodies [m], shape (K, 3, 3)."""
+        return self.triangles_B[:0] if self.own is None else self.triangles_B[~self.own]
+
+    @property
+    def is_covered(self) -> bool:
+        """Whether other bodies cover it and leave fingertips no room."""
+        return self.own is not None
 
     @cached_property
     def is_patch(self) -> Bools:
@@ -123,9 +143,9 @@ class Polyhedron:
     def is_convex(self) -> bool:
         """Whether the body is one convex solid: no vertex lies above any face.
 
-        False for bodies with patches, of which the faces say too little.
+        False for bodies with patches, of which the faces say too little, and with covers.
         """
-        if self.is_patch.any():
+        if self.is_patch.any() or self.is_covered:
             return False
         reach = FLATNESS * self.diameter
         vertices = surface_vertices(self)
@@ -148,8 +168,9 @@ class Polyhedron:
 
     @property
     def watertight(self) -> bool:
-        """Whether every shell of triangles is closed, so that the body has an inside."""
-        return self.closed is None or bool(self.closed.all())
+        """Whether every shell of the body is closed, so that it has an inside."""
+        own = slice(None) if self.own is None else self.own
+        return self.closed is None or bool(self.closed[own].all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +233,7 @@ def farthest_distance(polyhedron: Polyhedron, p_B: Array) -> float:
 
     That is no covered point, for nothing of the body is farther away.
     """
-    vertices = polyhedron.triangles_B.reshape(-1, 3)
+    vertices = polyhedron.own_triangles_B.reshape(-1, 3)
     to_vertices = np.linalg.norm(vertices - p_B, axis=1).max()
     return max([float(to_vertices), *(solid.farthest(p_B) for solid in polyhedron.primitives)])
 
@@ -223,7 +244,7 @@ def volume_centroid(polyhedron: Polyhedron) -> Array:
     From the exposed surface, so that parts that overlap count once: the flux of x through the
     faces is 3 V, that of x_i x is 4 V times the centroid. The facets of patches count by
     themselves, those of curved solids as the polyhedra inscribed in them. Sealed cavities count as
-    full.
+    full. The body has no covers, beneath which its faces would be missing.
     """
     planar = [k for k, face in enumerate(polyhedron.faces) if face.primitive or not face.reach]
     faces = [polyhedron.faces[k] for k in planar]

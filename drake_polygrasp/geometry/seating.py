@@ -67,7 +67,7 @@ def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
                 polyhedron, facets, polyhedron.faces[k], p_BC[rows]
             )
     # True faces are cut where they are covered by anything but curved solids.
-    doubtful = np.flatnonzero(ok & (is_patch | bool(polyhedron.primitives)))
+    doubtful = np.flatnonzero(ok & (is_patch | bool(polyhedron.primitives or polyhedron.covering)))
     ok[doubtful] = ~is_covered(polyhedron, p_BC[doubtful], nhat_TB_B[doubtful])
     if polyhedron.cavities is not None:
         ok &= ~polyhedron.cavities.sealed_at(p_BC, nhat_TB_B)
@@ -253,6 +253,6 @@ def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: 
     blocked, _, _ = polyhedron.surface.closer_than(p_BT, reach)
     fits = np.ones(len(p_BC), dtype=bool)
     fits[blocked] = False
-    for solid in polyhedron.primitives:
+    for solid in (*polyhedron.primitives, *polyhedron.covering):
         fits &= solid.distance(p_BT) >= reach
     return fits

@@ -29,7 +29,10 @@ _LOST = 1e-9
 
 
 class Mesh(NamedTuple):
-    """All shells of a body, outward; rows of `corners`, `shell`, `mu`, `curve` are triangles."""
+    """All shells of a body and its covers, outward.
+
+    Rows of `corners`, `shell`, `mu`, `curve` and `own` are triangles.
+    """
 
     vertices: Array
     """In B [m], shape (V, 3)."""
@@ -39,6 +42,8 @@ class Mesh(NamedTuple):
     mu: Array
     curve: Ints
     """The curved solid that each triangle is a facet of, -1 for none."""
+    own: Bools
+    """Whether each triangle is of the body, or of another that only covers it, shape (T,)."""
     low: Array
     """Least corner of the bounding box of each shell, shape (S, 3)."""
     high: Array
@@ -72,7 +77,15 @@ def covered(mesh: Mesh, plane: Plane, shells: Ints, L: float) -> Polygons:
     almost = np.abs(height[corners])
     if ((almost > LENGTH_TOLERANCE * L) & (almost < _CRACK * L)).any():
         areas = np.concatenate([areas, _section(corners, height - _CRACK * L, xy, L)])
-    return areas
+    return np.concatenate([areas, _coincident(mesh, xy, height, L)])
+
+
+def _coincident(mesh: Mesh, xy: Array, height: Array, L: float) -> Polygons:
+    """Other bodies' triangles in a plane, at `height` 0, that face as it does."""
+    other = mesh.corners[~mesh.own]
+    other = other[(np.abs(height[other]) <= FLATNESS * L).all(axis=1)]
+    u, v = xy[other[:, 1]] - xy[other[:, 0]], xy[other[:, 2]] - xy[other[:, 0]]
+    return np.asarray(shapely.polygons(xy[other[u[:, 0] * v[:, 1] > u[:, 1] * v[:, 0]]]))
 
 
 def _section(corners: Ints, height: Array, xy: Array, L: float) -> Polygons:

@@ -48,6 +48,8 @@ class Part:
     """The curved solid that the triangles are inscribed in."""
     warnings: tuple[str, ...] = ()
     """What was changed of the geometry's file, one sentence each."""
+    own: bool = True
+    """False for the geometry of another body, which covers faces and leaves tips no room."""
 
 
 def curved_part(primitive: Primitive, mu: float) -> Part:
@@ -60,6 +62,8 @@ def build_polyhedron(
 ) -> Polyhedron:
     """The exposed surface of the union of `parts`, as planar faces and near-planar patches.
 
+    Parts that are not the body's own cover its faces and have none.
+
     A triangle joins a face when its vertices lie within `FLATNESS` L of the plane of the face's
     largest triangle and their normals are not opposed. Faces of different friction are never
     merged; where they coincide the lesser friction holds. On a body of very many planes, facets
@@ -71,24 +75,30 @@ def build_polyhedron(
     patch has.
     """
     check_tolerances(patch_angle, patch_depth)
-    if not sum(len(part.triangles_B) for part in parts):
+    if not sum(len(part.triangles_B) for part in parts if part.own):
         raise ModelError("the collision geometry has no triangles")
-    L = diameter(np.concatenate([part.triangles_B.reshape(-1, 3) for part in parts]))
+    L = diameter(np.concatenate([part.triangles_B.reshape(-1, 3) for part in parts if part.own]))
     mesh = _mesh(parts, LENGTH_TOLERANCE * L)
     triangles = mesh.vertices[mesh.corners]
-    if not len(triangles):
+    if not mesh.own.any():
         raise ModelError(
             f"all its triangles are flat, thinner than a rounding error of its length of {L:g} m; "
             "look for a vertex far away from the others"
         )
-    primitives = tuple(part.primitive for part in parts if part.primitive is not None)
+    primitives, covering = (
+        tuple(part.primitive for part in parts if part.primitive is not None and part.own is own)
+        for own in (True, False)
+    )
     cavities = None
     if not _is_one_solid(mesh):
-        cavities = find_cavities(triangles, mesh.closed[mesh.shell], primitives, L)
+        closed = mesh.closed[mesh.shell]
+        cavities = find_cavities(triangles, closed, (*primitives, *covering), L, mesh.own)
     faces: list[Face] = []
     triangle_face = np.full(len(triangles), -1, dtype=np.int64)
-    is_curved = (mesh.curve < 0) & curved_triangles(mesh.vertices, mesh.corners, L, FLATNESS * L)
-    for plane in _planes(triangles, mesh.curve, ~is_curved, L):
+    is_curved = np.zeros(len(triangles), dtype=bool)
+    is_curved[mesh.own] = curved_triangles(mesh.vertices, mesh.corners[mesh.own], L, FLATNESS * L)
+    is_curved &= mesh.curve < 0
+    for plane in _planes(triangles, mesh.curve, mesh.own & ~is_curved, L):
         curve = mesh.curve[plane.triangles[0]]
         solid = parts[curve].primitive if curve >= 0 else None
         reach = 0.0 if solid is None else sagitta(solid, triangles[plane.triangles])
@@ -107,7 +117,8 @@ def build_polyhedron(
         triangle_face[members[triangle_face[members] < 0]] = len(faces)
         faces.append(_patch_face(patch))
     if not faces:
-        raise ModelError("the collision geometry encloses no volume")
+        by = "encloses no volume" if mesh.own.all() else "is all beneath links on its joints"
+        raise ModelError(f"the collision geometry {by}")
     rank = _order(faces, L)
     position = np.append(np.argsort(rank), -1)
     return Polyhedron(
@@ -119,6 +130,8 @@ def build_polyhedron(
         primitives=primitives,
         cavities=cavities,
         warnings=tuple(warning for part in parts for warning in part.warnings),
+        own=None if mesh.own.all() else frozen(mesh.own, bool),
+        covering=covering,
     )
 
 
@@ -162,7 +175,7 @@ def _exposed_facets(
 def _mesh(parts: Sequence[Part], tolerance: float) -> Mesh:
     vertices, corners = weld(np.concatenate([part.triangles_B for part in parts]), tolerance)
     count = 0
-    rows: list[tuple[Ints, Ints, Array, Ints]] = []
+    rows: list[tuple[Ints, Ints, Array, Ints, Bools]] = []
     kinds: list[tuple[Bools, Bools]] = []
     for k, part in enumerate(parts):
         own, corners = np.split(corners, [len(part.triangles_B)])
@@ -172,15 +185,16 @@ def _mesh(parts: Sequence[Part], tolerance: float) -> Mesh:
             nhat, _ = unit_normals(vertices[shells.corners])
             curve[part.primitive.is_curved(nhat)] = k
         mu = np.full(len(shells.corners), part.mu)
-        rows.append((shells.corners, shells.shell + count, mu, curve))
+        is_own = np.full(len(shells.corners), part.own)
+        rows.append((shells.corners, shells.shell + count, mu, curve, is_own))
         kinds.append((shells.closed, shells.simple))
         count += len(shells.closed)
-    corners, shell, mu, curve = (np.concatenate(x) for x in zip(*rows, strict=True))
+    corners, shell, mu, curve, is_own = (np.concatenate(x) for x in zip(*rows, strict=True))
     closed, simple = (np.concatenate(x) for x in zip(*kinds, strict=True))
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, shell, vertices[corners].min(axis=1))
     np.maximum.at(high, shell, vertices[corners].max(axis=1))
-    return Mesh(vertices, corners, shell, mu, curve, low, high, closed, simple)
+    return Mesh(vertices, corners, shell, mu, curve, is_own, low, high, closed, simple)
 
 
 def _planes(triangles: Array, curve: Ints, among: Bools, L: float) -> list[Plane]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,8 @@ from drake_polygrasp.loading.shapes import part_of
 
 DEFAULT_MU = 0.3
 """The paper's own coefficient, for models that state none."""
+_MOST_NAMES = 8
+"""Ours: in one line."""
 _FRICTION = f"it must be above 0 and at most {MAX_FRICTION:g}"
 
 
@@ -55,17 +58,32 @@ def check_friction(mu: float | None, where: str) -> None:
         check_number(f"the friction mu given for {where}", mu, demand, above=0.0, most=MAX_FRICTION)
 
 
-def describe_group(group: RigidGroup, where: str) -> Iterator[str]:
-    """What there is to say of links that are fixed to one another or to the world."""
+def describe_group(group: RigidGroup, where: str, joints_free: bool) -> Iterator[str]:
+    """What there is to say of links that are fixed to one another or to the world, or on joints."""
     if len(group.links) > 1:
-        names = ", ".join(f"'{name}'" for name in group.names)
         yield (
-            f"{where}: {names} are fixed to one another and make one rigid body, in the frame of "
-            f"'{group.body.name()}'"
+            f"{where}: {_listed(group.names)} are fixed to one another and make one rigid body, in "
+            f"the frame of '{group.body.name()}'"
         )
     if group.tied_by:
-        joints = ", ".join(f"'{name}'" for name in group.tied_by)
+        joints = _listed(group.tied_by)
         yield f"{where}: joined to the world ({joints}), it is planned as if it were free"
+    names = group.names_on_joints()
+    if names:
+        done = (
+            "ignored, as asked for"
+            if joints_free
+            else "kept where they are, as covers and obstacles, and their mass is not counted "
+            "(joints_free=True or --joints-free ignores them)"
+        )
+        yield f"{where}: links on its joints are {done}: {_listed(names)}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Some names, quoted, and how many more there are."""
+    quoted = ", ".join(f"'{name}'" for name in names[:_MOST_NAMES])
+    more = len(names) - _MOST_NAMES
+    return f"{quoted} and {more} more" if more > 0 else quoted
 
 
 def stated_friction(
@@ -97,29 +115,49 @@ def lesser_friction(
     )
 
 
-def collision_surface(
+def collision_parts(
     inspector: SceneGraphInspector,
     colliders: Sequence[Collider],
     friction: Sequence[float],
     where: str,
-    patch_angle: float | None,
-    patch_depth: float | None,
-) -> Polyhedron:
-    """The exposed surface of a rigid body's collision geometries, each with its friction.
+) -> list[Part]:
+    """A rigid body's collision geometries, each with its friction.
 
-    Raises ModelError, naming `where`, when that is nothing to hold.
+    Raises ModelError, naming `where`, for one that fingers cannot hold.
     """
-    parts: list[Part] = []
-    for (geometry, X_BG, _), mu in zip(colliders, friction, strict=True):
-        shape = inspector.GetShape(geometry)
-        with blaming(where):
-            part = part_of(shape, X_BG, mu)
-        if part is None:
-            raise ModelError(
-                f"{where}: collision geometry '{inspector.GetName(geometry)}' is a "
-                f"{type(shape).__name__}, which fingers cannot hold; remove it or replace it"
-            )
-        parts.append(part)
+    return [
+        _part(inspector, collider, mu, where, "fingers cannot hold; remove it or replace it")
+        for collider, mu in zip(colliders, friction, strict=True)
+    ]
+
+
+def covering_parts(
+    inspector: SceneGraphInspector, colliders: Sequence[Collider], where: str
+) -> list[Part]:
+    """The collision geometries of links on joints.
+
+    Raises ModelError, naming `where`, for one that cannot be measured.
+    """
+    remedy = "has no surface to measure; remove it, or ignore links on joints (joints_free)"
+    parts = [_part(inspector, collider, 0.0, where, remedy) for collider in colliders]
+    return [replace(part, own=False) for part in parts]
+
+
+def _part(
+    inspector: SceneGraphInspector, collider: Collider, mu: float, where: str, remedy: str
+) -> Part:
+    shape = inspector.GetShape(collider.geometry)
+    with blaming(where):
+        part = part_of(shape, collider.X_BG, mu)
+    if part is None:
+        name, kind = inspector.GetName(collider.geometry), type(shape).__name__
+        raise ModelError(f"{where}: collision geometry '{name}' is a {kind}, which {remedy}")
+    return part
+
+
+def _surface(
+    parts: Sequence[Part], where: str, patch_angle: float | None, patch_depth: float | None
+) -> Polyhedron:
     try:
         polyhedron = build_polyhedron(parts, patch_angle, patch_depth)
     except ModelError as error:
@@ -130,29 +168,35 @@ def collision_surface(
 
 
 def _is_flat(polyhedron: Polyhedron) -> bool:
-    vertices = polyhedron.triangles_B.reshape(-1, 3)
+    vertices = polyhedron.own_triangles_B.reshape(-1, 3)
     about = vertices - vertices.mean(axis=0)
     _, axes = np.linalg.eigh(about.T @ about)
     return bool(np.ptp(about @ axes[:, 0]) <= FLATNESS * polyhedron.diameter)
 
 
 def object_of(
-    polyhedron: Polyhedron,
+    parts: Sequence[Part],
+    covers: Sequence[Part],
     stated: MassProperties | None,
     where: str,
     warnings: Iterable[str],
     source: ModelSource | None,
+    patch_angle: float | None,
+    patch_depth: float | None,
 ) -> GraspObject:
-    """The object of a surface; without stated mass, its centre is that of the volume.
+    """The object of a body's parts, covered by those of links on its joints.
 
-    Raises ModelError, naming `where`, when the centre of mass is beyond measure.
+    Without stated mass, its centre is that of the volume. Raises ModelError, naming `where`, when
+    there is nothing to hold, or the centre of mass is beyond measure.
     """
+    polyhedron = _surface([*parts, *covers], where, patch_angle, patch_depth)
     said = [*warnings, *polyhedron.warnings]
     if not polyhedron.watertight:
         said.append(f"{where}: its surface is not closed; what lies inside is a guess")
     if stated is None:
         said.append(f"{where} states no mass; its centre is taken to be that of the volume")
-    mass, p_BBcm = stated or (None, volume_centroid(polyhedron))
+        whole = _surface(parts, where, patch_angle, patch_depth) if covers else polyhedron
+    mass, p_BBcm = stated or (None, volume_centroid(whole))
     p_BBcm = on_grid(p_BBcm, polyhedron.diameter)
     with np.errstate(all="ignore"):
         rho = farthest_distance(polyhedron, p_BBcm)

@@ -20,7 +20,8 @@ from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.body_object import (
     DEFAULT_MU,
     check_friction,
-    collision_surface,
+    collision_parts,
+    covering_parts,
     describe_group,
     lesser_friction,
     mass_properties,
@@ -42,8 +43,10 @@ class Solid:
     """About Bo, expressed in B."""
     parts: tuple[tuple[Shape, RigidTransform], ...]
     """Each collision geometry G's shape and pose X_BG."""
+    covers: tuple[tuple[Shape, RigidTransform], ...]
+    """Likewise, of links on joints in the model's default posture."""
     is_hulls: bool
-    """Whether each part is its own convex hull, which is what point contact makes of a Mesh."""
+    """Whether each of both is its own convex hull, which is what point contact makes of a Mesh."""
 
 
 def load_object(
@@ -55,11 +58,14 @@ def load_object(
     packages: Mapping[str, str | Path] | None = None,
     patch_angle: float | None = None,
     patch_depth: float | None = None,
+    joints_free: bool = False,
 ) -> GraspObject:
     """Load the rigid body to grasp from a file that Drake's Parser reads.
 
     Links that the model fixes to one another are one rigid body: surface, friction, mass and centre
     of mass are those of all of them, in the frame of the link that `body_name` names.
+    Links on joints, in the model's default posture, cover its faces and leave fingertips no room;
+    their mass is not counted. With `joints_free` they are ignored.
 
     `model_file` is a path or a package:// URI. Packages are searched below `package_paths` and in
     the folders above the model file, and `packages` gives folders of packages by name. `body_name`
@@ -83,7 +89,7 @@ def load_object(
     parsed = parse_model(model_file, body_name, package_paths, packages)
     files, group, warnings = parsed.files, parsed.group, parsed.warnings
     where = f"{files.model_file}: body '{group.body.name()}'"
-    warnings += describe_group(group, where)
+    warnings += describe_group(group, where, joints_free)
     inspector = parsed.scene_graph.model_inspector()
     colliders = group.colliders(parsed.plant, inspector)
     links = _statements(parsed, colliders)
@@ -92,7 +98,8 @@ def load_object(
         warnings += assumed
     else:
         friction = [mu] * len(colliders)
-    polyhedron = collision_surface(inspector, colliders, friction, where, patch_angle, patch_depth)
+    parts = collision_parts(inspector, colliders, friction, where)
+    covers = () if joints_free else group.covers(parsed.plant, inspector)
     source = ModelSource(
         model_file=model_file if is_uri(model_file) else files.model_file.absolute(),
         sha256=files.sha256,
@@ -101,13 +108,23 @@ def load_object(
         patch_angle=patch_angle,
         patch_depth=patch_depth,
         links=group.names if len(group.links) > 1 else (),
+        joints_free=joints_free,
     )
     unstated = [group.name_of(link.body) for link in links if not link.has_mass]
     if unstated and len(unstated) < len(group.links):
         names = ", ".join(f"'{name}'" for name in unstated)
         warnings.append(f"{where}: its mass is unknown, for the model states none of {names}")
     stated = None if unstated else mass_properties(group, parsed.context)
-    return object_of(polyhedron, stated, where, warnings, source)
+    return object_of(
+        parts,
+        covering_parts(inspector, covers, where),
+        stated,
+        where,
+        warnings,
+        source,
+        patch_angle,
+        patch_depth,
+    )
 
 
 def load_solid(
@@ -122,14 +139,17 @@ def load_solid(
     body_name = f"{source.model_name}::{source.body_name}"
     parsed = parse_model(source.model_file, body_name, package_paths, packages)
     inspector = parsed.scene_graph.model_inspector()
-    parts = tuple(
-        (mended(inspector.GetShape(geometry)), X_BG)
-        for geometry, X_BG, _ in parsed.group.colliders(parsed.plant, inspector)
+    group = parsed.group
+    covering = () if source.joints_free else group.covers(parsed.plant, inspector)
+    parts, covers = (
+        tuple((mended(inspector.GetShape(geometry)), X_BG) for geometry, X_BG, _ in colliders)
+        for colliders in (group.colliders(parsed.plant, inspector), covering)
     )
     return Solid(
-        parsed.group.spatial_inertia(parsed.context),
+        group.spatial_inertia(parsed.context),
         parts,
-        all(is_hull(shape) for shape, _ in parts),
+        covers,
+        all(is_hull(shape) for shape, _ in (*parts, *covers)),
     )
 
 

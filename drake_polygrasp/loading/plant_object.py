@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import SceneGraphInspector
@@ -16,11 +17,13 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.patches import check_tolerances
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Polyhedron
+from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.body_object import (
     DEFAULT_MU,
     check_friction,
-    collision_surface,
+    collision_parts,
+    covering_parts,
     describe_group,
     lesser_friction,
     mass_properties,
@@ -47,6 +50,7 @@ def object_from_plant(
     packages: Mapping[str, str | Path] | None = None,
     patch_angle: float | None = None,
     patch_depth: float | None = None,
+    joints_free: bool = False,
 ) -> GraspObject:
     """The object to grasp, from a body of a plant.
 
@@ -70,6 +74,8 @@ def object_from_plant(
         packages: folders of packages of `model_file` by name.
         patch_angle: how far normals of a patch may lean [rad], as of `load_object`.
         patch_depth: how far its facets may lie off a plane [m], as of `load_object`.
+        joints_free: whether to ignore the links on its joints, which else cover it as they stand in
+            the context; `obstacles_from_plant` has them in either case.
 
     Raises:
         UsageError: when plant, body and context do not belong together, or `mu` is not above 0.
@@ -91,9 +97,19 @@ def object_from_plant(
     if not colliders:
         raise ModelError(f"{where} has no collision geometry; a grasp needs what fingers can touch")
     friction, warnings = _friction(inspector, colliders, mu, where)
-    surface = collision_surface(inspector, colliders, friction, where, patch_angle, patch_depth)
-    warnings += describe_group(group, where)
-    live = object_of(surface, mass_properties(group, context), where, warnings, None)
+    parts = collision_parts(inspector, colliders, friction, where)
+    covers = () if joints_free else group.covers(plant, inspector)
+    warnings += describe_group(group, where, joints_free)
+    live = object_of(
+        parts,
+        covering_parts(inspector, covers, where),
+        mass_properties(group, context),
+        where,
+        warnings,
+        None,
+        patch_angle,
+        patch_depth,
+    )
     if model_file is None:
         return live
     filed = load_object(
@@ -104,6 +120,7 @@ def object_from_plant(
         packages=packages,
         patch_angle=patch_angle,
         patch_depth=patch_depth,
+        joints_free=joints_free,
     )
     for difference in _differences(live, filed):
         raise ModelError(f"{where} is not what {model_file} has: {difference}")
@@ -142,11 +159,13 @@ def _differences(live: GraspObject, filed: GraspObject) -> Iterator[str]:
     """Why a grasp of the file's object would be none of the plant's."""
     here, there = live.polyhedron, filed.polyhedron
     slack = LENGTH_TOLERANCE * there.diameter
-    kinds = [[solid.kind for solid in polyhedron.primitives] for polyhedron in (here, there)]
-    if here.triangles_B.shape != there.triangles_B.shape or kinds[0] != kinds[1]:
-        yield "the collision geometry differs"
-    elif not (np.abs(_measures(here) - _measures(there)) <= slack).all():
-        yield "the collision geometry differs in size or place"
+    for how in _unlike(_own_geometry(here), _own_geometry(there), slack):
+        yield f"the collision geometry differs{how}"
+    for how in _unlike(_covers(here), _covers(there), slack):
+        yield (
+            f"the geometry of links on its joints differs{how}; with joints_free=True these are "
+            "obstacles alone"
+        )
     if filed.mass is not None:
         if live.mass is None or abs(live.mass - filed.mass) > _ROUNDING * filed.mass:
             yield f"its mass is {live.mass} kg, the file's {filed.mass} kg"
@@ -159,7 +178,31 @@ def _differences(live: GraspObject, filed: GraspObject) -> Iterator[str]:
         yield f"its friction is {min(mu[0])}, the file's {max(mu[1])}; give mu to plan with less"
 
 
-def _measures(polyhedron: Polyhedron) -> Array:
-    """Corners of triangles, and centres and radii of curved solids, which they but suggest [m]."""
-    curved = [np.append(solid.p_BG, solid.radii) for solid in polyhedron.primitives]
-    return np.concatenate([polyhedron.triangles_B.ravel(), *curved])
+class _Geometry(NamedTuple):
+    """Triangles [m], shape (T, 3, 3), and curved solids, which some of them only suggest."""
+
+    triangles_B: Array
+    solids: tuple[Primitive, ...]
+
+    @property
+    def lengths(self) -> Array:
+        """Corners of triangles, and centres and radii of curved solids [m]."""
+        curved = [np.append(solid.p_BG, solid.radii) for solid in self.solids]
+        return np.concatenate([self.triangles_B.ravel(), *curved])
+
+
+def _own_geometry(polyhedron: Polyhedron) -> _Geometry:
+    return _Geometry(polyhedron.own_triangles_B, polyhedron.primitives)
+
+
+def _covers(polyhedron: Polyhedron) -> _Geometry:
+    return _Geometry(polyhedron.covers_B, polyhedron.covering)
+
+
+def _unlike(here: _Geometry, there: _Geometry, slack: float) -> Iterator[str]:
+    """How two geometries differ by more than `slack` [m], in a word or none."""
+    kinds = [[solid.kind for solid in geometry.solids] for geometry in (here, there)]
+    if here.triangles_B.shape != there.triangles_B.shape or kinds[0] != kinds[1]:
+        yield ""
+    elif not (np.abs(here.lengths - there.lengths) <= slack).all():
+        yield " in size or place"

@@ -7,7 +7,7 @@ another are separate bodies.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -52,6 +52,8 @@ class RigidGroup:
     """Its frame is B."""
     links: tuple[Link, ...]
     """Those of the rigid body, B's own among them, in the plant's order."""
+    on_joints: tuple[Link, ...]
+    """Other links that joints, and links on joints, connect with these, where they are now."""
     tied_by: tuple[str, ...]
     """Names of joints that fix links to the world, or let them move on it but not freely."""
 
@@ -71,6 +73,18 @@ class RigidGroup:
         """The collision geometries of all links, in the links' order and then each link's own."""
         return tuple(_colliders(plant, inspector, self.links))
 
+    def covers(self, plant: MultibodyPlant, inspector: SceneGraphInspector) -> tuple[Collider, ...]:
+        """The collision geometries of links on joints."""
+        return tuple(_colliders(plant, inspector, self.on_joints))
+
+    def names_on_joints(self) -> tuple[str, ...]:
+        """Of the links on joints, but for those that are mere frames."""
+        return tuple(
+            self.name_of(link)
+            for link, _ in self.on_joints
+            if link.default_mass() > 0 or link.GetParentPlant().GetCollisionGeometriesForBody(link)
+        )
+
     def spatial_inertia(self, context: Context) -> SpatialInertia:
         """M_BBo_B of all links together, by the masses in the plant's context."""
         M_BBo_B = SpatialInertia.Zero()
@@ -89,10 +103,12 @@ def find_group(plant: MultibodyPlant, body: RigidBody, context: Context) -> Rigi
     Args:
         plant: finalized.
         body: whose frame is to be B; not the world.
-        context: the plant's, which says where welded frames are on their links.
+        context: the plant's, which says where welded frames are on their links, and how joints
+            stand.
 
     Returns:
-        The link and all others that welds join to it, but not through the world.
+        The link and all others that welds join to it, but not through the world; and what hangs on
+        these by joints that do not let it float.
     """
     X_BL = {int(body.index()): RigidTransform()}
     joints = _joints(plant)
@@ -115,7 +131,24 @@ def find_group(plant: MultibodyPlant, body: RigidBody, context: Context) -> Rigi
         for joint in joints
         if any(_across(joint, k) == _WORLD for k in X_BL) and not _is_free(joint)
     )
-    return RigidGroup(body, links, tied_by)
+    on_joints = tuple(
+        Link(link, plant.CalcRelativeTransform(context, body.body_frame(), link.body_frame()))
+        for link in (plant.get_body(BodyIndex(k)) for k in _connected(joints, set(X_BL)))
+    )
+    return RigidGroup(body, links, on_joints, tied_by)
+
+
+def _connected(joints: Sequence[Joint], links: set[int]) -> list[int]:
+    """Indices of bodies that joints connect with the links, but not freely or by the world."""
+    found, frontier = set(links), list(links)
+    while frontier:
+        near = frontier.pop()
+        for joint in joints:
+            far = _across(joint, near)
+            if far is not None and far != _WORLD and far not in found and not _is_free(joint):
+                found.add(far)
+                frontier.append(far)
+    return sorted(found - links)
 
 
 def rigid_bodies(plant: MultibodyPlant) -> list[list[RigidBody]]:

@@ -39,7 +39,7 @@ def face_triangles(face: Face, lift: float = 0.0) -> Array:
 def surface_triangles(polyhedron: Polyhedron) -> Array:
     """The surface [m], shape (T, 3, 3): its faces, or the model's triangles where it is curved."""
     if is_curved(polyhedron):
-        return polyhedron.triangles_B
+        return polyhedron.own_triangles_B
     return np.concatenate([face_triangles(face) for face in polyhedron.faces])
 
 

@@ -12,6 +12,8 @@ HATCHES = ("////", "\\\\\\\\", "....")
 PLANE = "#CC79A7"
 """The grasp plane Pi_p and the triangle in it: reddish purple."""
 OBJECT = "#9AA5B1"
+COVER = "#D9D2C5"
+"""Links on the object's joints."""
 INK = "#222222"
 """Edges, face numbers and the centre of mass."""
 

@@ -25,7 +25,7 @@ from drake_polygrasp.visualization.meshes import (
     shape_triangles,
     surface_triangles,
 )
-from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
+from drake_polygrasp.visualization.palette import CONTACTS, COVER, INK, OBJECT, PLANE, rgb
 from drake_polygrasp.wrench import edge_forces
 
 PATH = "polygrasp"
@@ -50,8 +50,8 @@ def draw_object(
 ) -> None:
     """Draws an object: translucent faces with their edges and numbers, and its centre of mass.
 
-    Patches of a curved surface have neither, and many faces no numbers; a grasp numbers those that
-    it touches.
+    Links on its joints are light. Patches of a curved surface have neither edges nor numbers, and
+    many faces no numbers; a grasp numbers those that it touches.
 
     Args:
         meshcat: where to draw; nothing but `path` is changed.
@@ -63,6 +63,8 @@ def draw_object(
     path = f"{path}/object"
     meshcat.Delete(path)
     _set_mesh(meshcat, f"{path}/faces", surface_triangles(object_.polyhedron), OBJECT, 0.35)
+    if object_.polyhedron.is_covered:
+        _set_mesh(meshcat, f"{path}/links_on_joints", object_.polyhedron.covers_B, COVER, 0.35)
     flat = [face for face in faces if face.reach == 0]
     ends = face_edges(flat)
     if len(ends):

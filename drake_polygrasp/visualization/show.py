@@ -45,13 +45,19 @@ def exhibit_model(
     mu: float | None = None,
     package_paths: Sequence[Path | str] = (),
     packages: Mapping[str, str | Path] | None = None,
+    joints_free: bool = False,
 ) -> Exhibit:
     """Loads an object and plans grasps of it; arguments and errors as of `load_object`."""
     # Showing a grasp file needs no planner.
     from drake_polygrasp.pipeline import plan_grasps
 
     object_ = load_object(
-        model_file, body_name=body_name, mu=mu, package_paths=package_paths, packages=packages
+        model_file,
+        body_name=body_name,
+        mu=mu,
+        package_paths=package_paths,
+        packages=packages,
+        joints_free=joints_free,
     )
     plan = plan_grasps(object_)
     return Exhibit(object_, plan.grasps, plan.settings["tip_radius"])
@@ -82,6 +88,7 @@ def exhibit_file(
         packages=packages,
         patch_angle=stated.patch_angle,
         patch_depth=stated.patch_depth,
+        joints_free=stated.joints_free,
     )
     if object_.source is not None and object_.source.sha256 != stated.sha256:
         changed = f"{model_file} has changed since {path} was written: its grasps may be off"
