@@ -1,4 +1,4 @@
-"""Checks that fingertips penetrate nothing of the user's scene, by SceneGraph."""
+"""Checks that fingertips penetrate neither links on joints nor the user's scene, by SceneGraph."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ class Clearance(NamedTuple):
     """How clear fingertips are of what stands around the object."""
 
     margin: float
-    """What the deepest penetration leaves of its tolerance [m]; infinite without surroundings."""
+    """What the deepest penetration leaves of its tolerance [m]; infinite if nothing is near."""
     faults: tuple[str, ...]
     """Which fingertip penetrates what, and by how much."""
 
 
 def check_clearance(scene: Scene, surroundings: Surroundings) -> Clearance:
-    """Measures from the fingertips' centres to every shape around the object.
+    """Measures from the fingertips' centres to links on the object's joints and all around it.
 
     The tolerance is 2 `FLATNESS` L, as in the planner: what stands around was not modelled closer.
 
@@ -30,7 +30,7 @@ def check_clearance(scene: Scene, surroundings: Surroundings) -> Clearance:
     """
     tolerance = 2 * FLATNESS * scene.object_.polyhedron.diameter
     margin, faults = math.inf, []
-    for name, shape, X_BG in surroundings.parts:
+    for name, shape, X_BG in (*scene.solid.covers, *surroundings.parts):
         surface = SurfaceDistance([(shape, X_BG)])
         for i, p_BT in enumerate(scene.p_BT, start=1):
             depth = scene.tip_radius - surface.nearest(p_BT).distance

@@ -50,7 +50,7 @@ def check_geometry(scene: Scene) -> Fit:
     """
     surface = SurfaceDistance(scene.solid.parts)
     tolerance = ON_SURFACE * scene.object_.polyhedron.diameter
-    distances = [*_distances(scene, surface), *_in_covers(scene)]
+    distances = list(_distances(scene, surface))
     faults = [*_facet_faults(scene), *_friction_faults(scene)]
     faults += [f"{fault} by {off:.2g} m" for off, fault in distances if off > tolerance]
     return Fit(tolerance - max(off for off, _ in distances), tuple(faults), surface.refusal)
@@ -99,15 +99,6 @@ def _distances(scene: Scene, surface: SurfaceDistance) -> Iterator[tuple[float, 
     for i, j in itertools.combinations(range(3), 2):
         apart = float(np.linalg.norm(p_BT[i] - p_BT[j]))
         yield 2 * radius - apart, f"fingertips {i + 1} and {j + 1} overlap"
-
-
-def _in_covers(scene: Scene) -> Iterator[tuple[float, str]]:
-    """How deep fingertips are in links on the object's joints [m], and what that means."""
-    if scene.solid.covers:
-        covers = SurfaceDistance(scene.solid.covers)
-        for i, p_BT in enumerate(scene.p_BT, start=1):
-            depth = scene.tip_radius - covers.nearest(p_BT).distance
-            yield depth, f"fingertip {i} penetrates a link on the object's joints"
 
 
 def _off_contact(scene: Scene, surface: SurfaceDistance, i: int, tip: Nearest) -> float:

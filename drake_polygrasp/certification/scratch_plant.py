@@ -98,7 +98,7 @@ def add_covers(
         plant.RegisterCollisionGeometry(
             body, X_BG, shape, f"cover_{k}", _material(scene.mu_object, stiffness)
         )
-        for k, (shape, X_BG) in enumerate(scene.solid.covers)
+        for k, (_, shape, X_BG) in enumerate(scene.solid.covers)
     ]
 
 

@@ -212,7 +212,8 @@ class _Harness:
         # Two surfaces in series.
         contact = 2.0 * CONTACT_STIFFNESS * stiffness
         body = plant.AddRigidBody("object", scene.solid.M_BBo_B)
-        for k, (shape, X_BG) in enumerate((*scene.solid.parts, *scene.solid.covers)):
+        covers = [(shape, X_BG) for _, shape, X_BG in scene.solid.covers]
+        for k, (shape, X_BG) in enumerate((*scene.solid.parts, *covers)):
             plant.RegisterVisualGeometry(body, X_BG, shape, f"surface_{k}", _OBJECT_COLOUR)
         # Point contact would fill the notches of what is not convex.
         on_pads = not scene.solid.is_hulls

@@ -43,8 +43,8 @@ class Solid:
     """About Bo, expressed in B."""
     parts: tuple[tuple[Shape, RigidTransform], ...]
     """Each collision geometry G's shape and pose X_BG."""
-    covers: tuple[tuple[Shape, RigidTransform], ...]
-    """Likewise, of links on joints in the model's default posture."""
+    covers: tuple[tuple[str, Shape, RigidTransform], ...]
+    """Likewise, of links on joints in the model's default posture, with their names."""
     is_hulls: bool
     """Whether each of both is its own convex hull, which is what point contact makes of a Mesh."""
 
@@ -141,15 +141,20 @@ def load_solid(
     inspector = parsed.scene_graph.model_inspector()
     group = parsed.group
     covering = () if source.joints_free else group.covers(parsed.plant, inspector)
-    parts, covers = (
-        tuple((mended(inspector.GetShape(geometry)), X_BG) for geometry, X_BG, _ in colliders)
-        for colliders in (group.colliders(parsed.plant, inspector), covering)
-    )
+    parts = [
+        (mended(inspector.GetShape(geometry)), X_BG)
+        for geometry, X_BG, _ in group.colliders(parsed.plant, inspector)
+    ]
+    covers = [
+        (group.name_of(link), mended(inspector.GetShape(geometry)), X_BG)
+        for geometry, X_BG, link in covering
+    ]
+    shapes = [shape for shape, _ in parts] + [shape for _, shape, _ in covers]
     return Solid(
         group.spatial_inertia(parsed.context),
-        parts,
-        covers,
-        all(is_hull(shape) for shape, _ in (*parts, *covers)),
+        tuple(parts),
+        tuple(covers),
+        all(map(is_hull, shapes)),
     )
 
 

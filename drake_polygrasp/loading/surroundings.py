@@ -138,5 +138,6 @@ def load_surroundings(
         packages=packages,
         patch_angle=source.patch_angle,
         patch_depth=source.patch_depth,
+        joints_free=source.joints_free,
     )
     return surroundings_from_plant(plant, body, context)
