@@ -225,7 +225,7 @@ def _verify(arguments: argparse.Namespace) -> tuple[int, str]:
     from drake_polygrasp.tables import verify_document, verify_table
 
     text = _json(verify_document(report, holds)) if arguments.json else verify_table(report)
-    return FAILED if holds is False else DONE, text
+    return FAILED if holds is False or not report.plant_decided else DONE, text
 
 
 def _explain(arguments: argparse.Namespace) -> tuple[int, str]:

@@ -172,11 +172,10 @@ def verify_table(report: Report) -> str:
         for name, line in grasp.lines.items()
         if line.reason
     ]
-    summary = {
-        True: "all that was checked holds",
-        False: "something does not hold",
-        None: "all that was checked holds; SURFACE was not checked",
-    }[report.holds]
+    summary = "something does not hold" if report.holds is False else "all that was checked holds"
+    if report.holds is None:
+        summary += "" if report.model_checked else "; SURFACE was not checked"
+        summary += "" if report.plant_decided else "; a plant leaves grasps undecided"
     return "\n".join(
         [
             f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",

@@ -22,7 +22,7 @@ from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.exclusion import Exclusion
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
-from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.grasp_file import load_grasps
 from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.object_model import load_object
@@ -86,20 +86,26 @@ class Report:
     def holds(self) -> bool | None:
         """True if there are grasps and everything about them was checked and holds.
 
-        False if there are none or something does not hold. None if all that was checked holds, but
-        the model was not there to check SURFACE against.
+        False if there are none or something does not hold. None if nothing fails, but the model was
+        not there to check SURFACE against, or a plant leaves a grasp undecided.
         """
         lines = [line for grasp in self.grasps for line in grasp.lines.values()]
-        plants = [grasp.plant for grasp in self.grasps if grasp.plant is not None]
+        plants = {grasp.plant.verdict for grasp in self.grasps if grasp.plant is not None}
         failed = any(line.status is Status.FAILED for line in lines)
-        if not lines or failed or not all(plant.holds for plant in plants):
+        if not lines or failed or Verdict.FAILS in plants:
             return False
-        return True if self.model_checked else None
+        return True if self.model_checked and Verdict.UNDECIDED not in plants else None
 
     @property
     def plant_checked(self) -> bool:
         """Whether a plant was asked about every grasp."""
         return all(grasp.plant is not None for grasp in self.grasps)
+
+    @property
+    def plant_decided(self) -> bool:
+        """Whether a plant that was asked about a grasp says that it holds or that it fails."""
+        asked = [grasp.plant for grasp in self.grasps if grasp.plant is not None]
+        return all(plant.verdict is not Verdict.UNDECIDED for plant in asked)
 
 
 @dataclass(frozen=True)

@@ -401,3 +401,34 @@ def test_a_plant_block_that_is_none_is_refused_with_its_place(
 ) -> None:
     with pytest.raises(GraspFileError, match=place):
         load_grasps(edit(box, lambda d: d["grasps"][0].update(plant=block)))
+
+
+def test_what_a_plant_cannot_decide_neither_holds_nor_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A model without a mass has no weight to hold: exit status 1, and not "does not hold"."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "box.urdf").write_text(
+        '<robot name="box"><link name="box"><collision><geometry><box size="0.1 0.1 0.2"/>'
+        "</geometry></collision></link></robot>"
+    )
+    assert main(["plan", "box.urdf", "--top", "1"]) == 0
+    report = verify_file("box.grasp.yaml", plant=True)
+    assert report.holds is None
+    assert not report.plant_decided
+    capsys.readouterr()
+    assert main(["verify", "box.grasp.yaml", "--plant"]) == 1
+    said = capsys.readouterr().out
+    assert said.endswith("all that was checked holds; a plant leaves grasps undecided\n")
+    assert main(["verify", "box.grasp.yaml"]) == 0
+
+
+def test_the_page_says_what_a_plant_said(tmp_path: Path) -> None:
+    certified, tip_radius = top_grasp("cube")
+    record = certify_in_plant(model("cube"), certified)
+    settings = {"tip_radius": tip_radius}
+    file = tmp_path / "x.grasp.yaml"
+    save_grasps(file, model("cube"), [replace(certified, plant=record)], settings)
+    page = tmp_path / "x.html"
+    assert main(["show", str(file), "--html", str(page)]) == 0
+    assert '["in a plant", "holds"]' in page.read_text()

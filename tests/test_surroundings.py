@@ -174,3 +174,22 @@ def test_a_scene_is_for_a_plant(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "--plant" in capsys.readouterr().err
     with pytest.raises(UsageError, match="plant=True"):
         verify_file(tmp_path / "x", scene=tmp_path)
+
+
+TWINS = """\
+directives:
+- add_model: {{name: one, file: package://scene/cube.sdf}}
+- add_model: {{name: {other}, file: package://scene/cube.sdf,
+    default_free_body_pose: {{cube: {{base_frame: world, translation: [0.2, 0, 0]}}}}}}
+"""
+
+
+def test_of_twins_the_one_of_the_models_name_is_grasped(tmp_path: Path) -> None:
+    directives = scene(tmp_path, 0.6)
+    directives.write_text(TWINS.format(other="another"))
+    with pytest.raises(ModelError, match=r"several bodies 'cube'; give the model .* name 'cube'"):
+        load_surroundings(directives, model("cube"))
+    directives.write_text(TWINS.format(other="cube"))
+    ((name, _, X_BG),) = load_surroundings(directives, model("cube")).parts
+    assert name == "one::cube"
+    np.testing.assert_allclose(X_BG.translation(), [-0.2, 0.0, 0.0], atol=1e-12)

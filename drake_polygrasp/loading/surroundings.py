@@ -18,9 +18,9 @@ from pydrake.systems.framework import Context, DiagramBuilder
 
 from drake_polygrasp.arguments import check_instance, check_path, check_paths
 from drake_polygrasp.errors import ModelError, UsageError
-from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.live_plant import find_body, query_of
-from drake_polygrasp.loading.parsed_model import blaming, parse_model
+from drake_polygrasp.loading.parsed_model import ParsedModel, blaming, parse_model
 from drake_polygrasp.loading.plant_object import object_from_plant
 from drake_polygrasp.loading.plant_obstacles import Ignored, geometry_name, other_geometries
 from drake_polygrasp.loading.rigid_group import find_group
@@ -115,7 +115,7 @@ def load_surroundings(
         if f"no body '{full_name}'" not in str(error):
             raise
         # Directives may give the model a name of their own.
-        parsed = parse_model(scene_file, source.body_name, package_paths, packages)
+        parsed = _parse_by_body(scene_file, source, package_paths, packages)
     builder = DiagramBuilder()
     plant, scene_graph = builder.AddSystem(parsed.plant), builder.AddSystem(parsed.scene_graph)
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
@@ -141,3 +141,20 @@ def load_surroundings(
         joints_free=source.joints_free,
     )
     return surroundings_from_plant(plant, body, context)
+
+
+def _parse_by_body(
+    scene_file: str | Path,
+    source: ModelSource,
+    package_paths: Sequence[str | Path],
+    packages: Mapping[str, str | Path] | None,
+) -> ParsedModel:
+    try:
+        return parse_model(scene_file, source.body_name, package_paths, packages)
+    except ModelError as error:
+        if "several bodies to grasp" not in str(error):
+            raise
+        raise ModelError(
+            f"{scene_file} has several bodies '{source.body_name}'; give the model of the one that "
+            f"is grasped the name '{source.model_name}'"
+        ) from error
