@@ -12,8 +12,10 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 
+from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.xml_reader import MAX_DEPTH, elements_at, parse_xml
+from tests.fuzz import CUBE_OBJ
 
 MASS = 0.3
 MODELS = {
@@ -222,3 +224,24 @@ def test_what_is_not_read_is_refused_with_its_line(content: bytes, reason: str) 
 def test_entities_in_a_comment_harm_nobody() -> None:
     (root,) = parse_xml(b"<!-- <!ENTITY a 'b'> --><a/>")
     assert root.tag == "a"
+
+
+@pytest.mark.parametrize("name", ["r", "l"])
+def test_a_name_that_python_cannot_ask_for_is_refused(name: str, tmp_path: Path) -> None:
+    """Drake reads it, but its Python bindings cannot return it."""
+    model_file = tmp_path / "model.urdf"
+    text = MODELS["urdf"].replace(f'name="{name}"', 'name="caf\udce9"')
+    model_file.write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(ModelError, match=r"the name 'caf.udce9' of a .* is not UTF-8 text"):
+        load_object(model_file)
+    model_file.write_bytes(text.encode(errors="surrogateescape").decode("latin-1").encode())
+    assert load_object(model_file).mass == MASS
+
+
+def test_a_mesh_may_have_a_name_of_any_bytes(tmp_path: Path) -> None:
+    mesh = '<mesh filename="caf\udce9.obj"/>'
+    text = MODELS["urdf"].replace('<box size="0.06 0.08 0.1"/>', mesh)
+    (tmp_path / "caf\udce9.obj").write_text(CUBE_OBJ)
+    model_file = tmp_path / "model.urdf"
+    model_file.write_bytes(text.encode(errors="surrogateescape"))
+    assert load_object(model_file).mass == MASS

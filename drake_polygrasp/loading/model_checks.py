@@ -21,6 +21,27 @@ _SIZES = {
 }
 """The sizes of a collision geometry and how many numbers each has, the same in SDF and URDF."""
 
+_NAMED = frozenset(
+    ("robot", "mujoco", "model", "include", "link", "body", "collision", "geom", "joint")
+)
+"""Elements whose names are asked of Drake's plant."""
+_FIRST_STRAY_BYTE, _LAST_STRAY_BYTE = "\udc80", "\udcff"
+"""Bytes that are not UTF-8, as `xml_reader` keeps them."""
+
+
+def check_names(root: Element, path: Path) -> None:
+    """Raises ModelError for names that Drake reads, but Python cannot ask it for."""
+    for element in root.iter():
+        names = [element.get("model" if element.tag == "mujoco" else "name", "")]
+        if element.tag == "include":
+            names.append(element.findtext("name") or "")
+        for name in names if element.tag in _NAMED else ():
+            if any(_FIRST_STRAY_BYTE <= character <= _LAST_STRAY_BYTE for character in name):
+                raise ModelError(
+                    f"{path}: the name {name!a} of a {element.tag} is not UTF-8 text; save "
+                    "the file as UTF-8"
+                )
+
 
 def check_link(link: Element, path: Path, *, urdf: bool) -> None:
     """Raise ModelError for sizes that Drake would replace, and for mass that it cannot compute."""

@@ -14,7 +14,7 @@ from pydrake.multibody.parsing import PackageMap
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.mesh_file import MAX_BYTES
-from drake_polygrasp.loading.model_checks import check_link
+from drake_polygrasp.loading.model_checks import check_link, check_names
 from drake_polygrasp.loading.model_document import Addition, read_directives, read_xml
 from drake_polygrasp.loading.packages import find_packages, is_uri, locate, resolve
 
@@ -141,6 +141,7 @@ class _Reader:
                 files.includes[path, added.uri] = self.read(target, including, None)
             return
         root = read_xml(path, _ROOTS.get(suffix))
+        check_names(root, path)
         files.documents[path] = root
         if root.tag == "mujoco":
             self._read_mjcf(root, folder, including)
@@ -214,6 +215,7 @@ class _Reader:
                     raise ModelError(f"{path}: includes itself; break the circle")
                 self.files.documents.setdefault(path, None)
                 root = read_xml(path)
+                check_names(root, path)
                 self._splice_includes(root, folder, (*including, path.resolve()))
                 children += root
             else:
