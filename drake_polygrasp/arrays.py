@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,12 @@ def keep_freed_memory() -> None:
     quarter of its time. This block is never touched and so costs nothing.
     """
     np.empty(_KEPT, dtype=np.uint8)
+
+
+def batches(count: int, size: int) -> Iterator[slice]:
+    """Yields slices of at most `size` rows that together are `count` rows, in order."""
+    for start in range(0, count, max(1, size)):
+        yield slice(start, min(start + size, count))
 
 
 def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:

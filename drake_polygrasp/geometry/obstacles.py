@@ -60,8 +60,7 @@ class Obstacles:
         Shape (M,).
         """
         blocked = self.contain(p_BT)
-        near, _, _ = self._surface.closer_than(p_BT, reach)
-        blocked[near] = True
+        blocked |= self._surface.within(p_BT, reach)
         for solid in self.primitives:
             blocked |= solid.distance(p_BT) < reach
         return blocked

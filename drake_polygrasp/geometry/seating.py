@@ -80,27 +80,38 @@ def _seat_on_faces(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
     height = np.abs(dot(p_BC - planes.p_BF, Fz)).max(initial=0.0)
     # Whatever triangle of its face a contact is above or below is within reach.
     reach = height + 2 * (FLATNESS + LENGTH_TOLERANCE) * L
-    i, t = polyhedron.surface.near(p_BC, reach)
+    seated, inward, ok = p_BC.copy(), -Fz, np.zeros(len(p_BC), dtype=bool)
+    for pairs in polyhedron.surface.near(p_BC, reach):
+        i, rise, nhat = _outermost(polyhedron, planes, p_BC, *pairs)
+        seated[i] += rise[:, None] * Fz[i]
+        ok[i] = True
+        lean = nhat - Fz[i]
+        leaning = np.sqrt(dot(lean, lean)) > ANGLE_TOLERANCE
+        inward[i[leaning]] = -nhat[leaning]
+    return Seats(seated, inward, ok)
+
+
+def _outermost(
+    polyhedron: Polyhedron, planes: _Planes, p_BC: Array, i: Ints, t: Ints
+) -> tuple[Ints, Array, Array]:
+    """Of pairs of contacts i (N,) and triangles t (N,), the outermost above or below each contact.
+
+    Returns the contacts that have one, how high it is over them [m], and its outward normal.
+    """
+    L, Fz = polyhedron.diameter, planes.R_BF[:, :, 2]
     triangles, nhat = polyhedron.triangles_B[t], unit_normals(polyhedron.triangles_B[t])[0]
     xyz = (triangles - planes.p_BF[i, None]) @ planes.R_BF[i]
-    points = shapely.points(_beside(planes, p_BC))
     keep = _is_flat(xyz[..., 2], dot(nhat, Fz[i]), L)
+    beside = _beside(_Planes(planes.R_BF[i[keep]], planes.p_BF[i[keep]]), p_BC[i[keep]])
     keep[keep] = shapely.dwithin(
-        shapely.polygons(xyz[keep, :, :2]), points[i[keep]], LENGTH_TOLERANCE * L
+        shapely.polygons(xyz[keep, :, :2]), shapely.points(beside), LENGTH_TOLERANCE * L
     )
     i, t, triangles, nhat = i[keep], t[keep], triangles[keep], nhat[keep]
     rise = dot(triangles[:, 0] - p_BC[i], nhat) / dot(nhat, Fz[i])
     rise = np.where(np.abs(rise) > LENGTH_TOLERANCE * L, rise, 0)
     order = np.lexsort((t, -rise, i))
     best = order[_first_of_each(i[order])]
-    i, nhat = i[best], nhat[best]
-    seated, ok = p_BC.copy(), np.zeros(len(p_BC), dtype=bool)
-    seated[i] += rise[best, None] * Fz[i]
-    ok[i] = True
-    inward, lean = -Fz, nhat - Fz[i]
-    leaning = np.sqrt(dot(lean, lean)) > ANGLE_TOLERANCE
-    inward[i[leaning]] = -nhat[leaning]
-    return Seats(seated, inward, ok)
+    return i[best], rise[best], nhat[best]
 
 
 class Touch(NamedTuple):
@@ -250,9 +261,7 @@ def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: 
     tip_radius = least_tip(polyhedron, tip_radius)
     p_BT = p_BC - tip_radius * nhat_TB_B
     reach = tip_radius - 2 * FLATNESS * L
-    blocked, _, _ = polyhedron.surface.closer_than(p_BT, reach)
-    fits = np.ones(len(p_BC), dtype=bool)
-    fits[blocked] = False
+    fits = ~polyhedron.surface.within(p_BT, reach)
     for solid in (*polyhedron.primitives, *polyhedron.covering):
         fits &= solid.distance(p_BT) >= reach
     return fits

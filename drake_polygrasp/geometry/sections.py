@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE
 
 Polygons = npt.NDArray[np.object_]
@@ -24,6 +24,8 @@ _CRACK = 1e-4
 """Times L, ours: the shells that convex decomposition makes of one solid touch but for gaps and
 overlaps of this size."""
 
+_PAIRS_AT_ONCE = 1 << 20
+"""Of points and segments that are compared at once, ours: temporaries of some 40 MB."""
 _LOST = 1e-9
 """Share of the area, ours: a union that misses no more has lost none."""
 
@@ -154,8 +156,11 @@ def _segments(corners: Ints, height: Array, xy: Array) -> Array:
 def _winding_number(points: Array, segments: Array) -> Ints:
     """How often closed chains of segments (k, 2, 2) wind around the points (n, 2), shape (n,)."""
     (ax, ay), (bx, by) = np.moveaxis(segments, 0, 2)
-    x, y = points[:, :1], points[:, 1:]
-    left = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
-    upward = (ay <= y) & (y < by) & (left > 0)
-    downward = (by <= y) & (y < ay) & (left < 0)
-    return np.asarray(upward.sum(axis=1) - downward.sum(axis=1))
+    turns = np.zeros(len(points), dtype=np.int64)
+    for rows in batches(len(points), _PAIRS_AT_ONCE // max(1, len(segments))):
+        x, y = points[rows, :1], points[rows, 1:]
+        left = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
+        upward = (ay <= y) & (y < by) & (left > 0)
+        downward = (by <= y) & (y < ay) & (left < 0)
+        turns[rows] = upward.sum(axis=1) - downward.sum(axis=1)
+    return turns

@@ -297,7 +297,10 @@ def _largest_overlap(mesh: Mesh, plane: Plane, faces: list[Face], first: int) ->
     xy = mesh.vertices @ plane.R_BF[:, :2]
     triangles = shapely.polygons(xy[mesh.corners[plane.triangles]])
     polygons = np.array([face.polygon_F for face in faces], dtype=object)
-    shared = shapely.area(shapely.intersection(triangles[:, None], polygons))
+    shared = np.zeros((len(triangles), len(polygons)))
+    for k, polygon in enumerate(polygons):
+        meet = shapely.STRtree(triangles).query(polygon)
+        shared[meet, k] = shapely.area(shapely.intersection(triangles[meet], polygon))
     negligible = shared.max(axis=1) <= LENGTH_TOLERANCE * shapely.area(triangles)
     return np.where(negligible, -1, first + np.argmax(shared, axis=1))
 

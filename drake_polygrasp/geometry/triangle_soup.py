@@ -1,4 +1,7 @@
-"""Triangles that points ask of again and again: which are near, and how often they wind around."""
+"""Triangles that points ask of again and again: which are near, and how often they wind around.
+
+Points are compared with triangles in batches, so that memory does not grow with their product.
+"""
 
 from __future__ import annotations
 
@@ -10,22 +13,32 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, batches
+from drake_polygrasp.geometry.needles import along_needles, bounding_boxes
 from drake_polygrasp.geometry.triangles import point_triangle_distance
 
 _POINTS_AT_ONCE = 1 << 12
-"""Ours: temporaries of some ten megabytes."""
+"""Ours: so few calls that what each costs does not count."""
+_HITS_AT_ONCE = 1 << 24
+"""Pairs that a tree finds at once if every box is near every point, ours: 256 MB. GEOS ends the
+process when it finds no room for them."""
+_PAIRS_AT_ONCE = 1 << 17
+"""Of points and triangles that are compared at once, ours: temporaries of some 50 MB."""
 _RAY = np.array([[0.6, -0.48, 0.64], [0.8, 0.36, -0.48], [0.0, 0.8, 0.6]])
 """A rotation, ours, whose third column no usual face is parallel to."""
 
 
 class _Boxes(NamedTuple):
-    """The bounding boxes of triangles."""
+    """Bounding boxes of triangles, of needles those of their pieces."""
 
+    turn: Array
+    """What rotates points about z into the frame of the boxes, shape (3, 3)."""
     low: Array
-    """Shape (T, 3)."""
+    """Shape (N, 3)."""
     high: Array
-    """Shape (T, 3)."""
+    """Shape (N, 3)."""
+    triangle: Ints
+    """Whose each is, shape (N,)."""
     tree: shapely.STRtree
     """Of their sides across z."""
 
@@ -39,9 +52,10 @@ class TriangleSoup:
 
     @cached_property
     def _boxes(self) -> _Boxes:
-        low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
+        turn = along_needles(self.triangles)
+        low, high, triangle = bounding_boxes(self.triangles @ turn)
         sides = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-        return _Boxes(low, high, shapely.STRtree(sides))
+        return _Boxes(turn, low, high, triangle, shapely.STRtree(sides))
 
     @cached_property
     def _along_ray(self) -> TriangleSoup:
@@ -57,53 +71,85 @@ class TriangleSoup:
         Counts signed crossings of a ray from each point. Sides belong to one of the two triangles
         that share them, so that none is counted twice.
         """
+        winding = np.zeros(len(points))
         if not len(self.triangles) or not len(points):
-            return np.zeros(len(points), dtype=np.int64)
+            return winding.astype(np.int64)
         # Along no axis, where the walls of made things would hold the whole ray.
-        points, triangles = points @ _RAY, self._along_ray.triangles
-        _, high, tree = self._along_ray._boxes
-        i, t = tree.query(shapely.points(points[:, :2]))
-        i, t = (x[points[i, 2] <= high[t, 2]] for x in (i, t))
-        corner = triangles[t] - points[i][:, None]
-        head = np.roll(corner, -1, axis=1)
-        left = corner[..., 0] * head[..., 1] - head[..., 0] * corner[..., 1]
-        upward = (corner[..., 1] <= 0) & (head[..., 1] > 0) & (left > 0)
-        downward = (head[..., 1] <= 0) & (corner[..., 1] > 0) & (left < 0)
-        turns = upward.sum(axis=1) - downward.sum(axis=1)
-        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-        above = np.einsum("ni,ni->n", corner[:, 0], normal) * np.sign(normal[:, 2]) > 0
-        winding = np.bincount(i, weights=turns * above, minlength=len(points))
+        along, points = self._along_ray, points @ _RAY
+        for i, t in along._pairs(points, 0.0, above=np.inf):
+            around = _turns(points[i, :2], along.triangles[t, :, :2]) != 0
+            i, t = _without_copies(i[around], t[around])
+            turns = _turns(points[i, :2], along.triangles[t, :, :2])
+            corner = along.triangles[t] - points[i][:, None]
+            normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+            height = np.einsum("ni,ni->n", corner[:, 0], normal) * np.sign(normal[:, 2])
+            winding += np.bincount(i, weights=turns * (height > 0), minlength=len(points))
         return winding.astype(np.int64)
 
-    def near(self, points: Array, reach: float) -> tuple[Ints, Ints]:
-        """Pairs (point, triangle) of which the bounding box is within `reach` along each axis.
+    def near(self, points: Array, reach: float) -> Iterator[tuple[Ints, Ints]]:
+        """Pairs (point, triangle) of which a bounding box is within `reach`, shapes (N,) and (N,).
 
-        Shapes (N,) and (N,).
+        Of some points at a time, with all of their pairs. All triangles within reach of a point
+        are among them, some more than once.
         """
-        none = np.empty(0, np.int64)
-        pairs = [(none, none), *self._near(points, reach)]
-        point, triangle = (np.concatenate(x) for x in zip(*pairs, strict=True))
-        return point, triangle
+        yield from self._pairs(points, reach)
 
     def closer_than(self, points: Array, reach: float) -> tuple[Ints, Ints, Array]:
         """Pairs (point, triangle) within `reach`, and their distances; shapes (N,), (N,), (N,).
 
-        Only triangles whose bounding box is within reach are measured.
+        Only triangles with a bounding box within reach are measured.
         """
         none = np.empty(0, np.int64)
-        found: list[tuple[Ints, Ints, Array]] = [(none, none, np.empty(0))]
-        for i, j in self._near(points, reach):
-            distance = point_triangle_distance(points[i], self.triangles[j])
-            close = distance <= reach
-            found.append((i[close], j[close], distance[close]))
+        found = [(none, none, np.empty(0)), *self._closer_than(points, reach)]
         point, triangle, distance = (np.concatenate(x) for x in zip(*found, strict=True))
         return point, triangle, distance
 
-    def _near(self, points: Array, reach: float) -> Iterator[tuple[Ints, Ints]]:
-        """What `near` says, of some of the points at a time."""
-        low, high, tree = self._boxes
-        for k in range(0, len(points), _POINTS_AT_ONCE):
-            x, y, z = points[k : k + _POINTS_AT_ONCE].T
+    def within(self, points: Array, reach: float) -> Bools:
+        """Whether a triangle is within `reach` of each point (M, 3); (M,)."""
+        found = np.zeros(len(points), dtype=bool)
+        for i, _, _ in self._closer_than(points, reach):
+            found[i] = True
+        return found
+
+    def _closer_than(self, points: Array, reach: float) -> Iterator[tuple[Ints, Ints, Array]]:
+        for i, j in self._pairs(points, reach):
+            distance = point_triangle_distance(points[i], self.triangles[j])
+            close = distance <= reach
+            i, j = _without_copies(i[close], j[close])
+            yield i, j, point_triangle_distance(points[i], self.triangles[j])
+
+    def _pairs(
+        self, points: Array, reach: float, above: float | None = None
+    ) -> Iterator[tuple[Ints, Ints]]:
+        """What `near` says, within another reach along z for what is above a point."""
+        turn, low, high, owner, tree = self._boxes
+        points = points @ turn
+        size = int(np.clip(_HITS_AT_ONCE // max(1, len(owner)), 1, _POINTS_AT_ONCE))
+        for rows in batches(len(points), size):
+            x, y, z = points[rows].T
             i, j = tree.query(shapely.box(x - reach, y - reach, x + reach, y + reach))
-            level = (z[i] >= low[j, 2] - reach) & (z[i] <= high[j, 2] + reach)
-            yield k + i[level], j[level]
+            most = reach if above is None else above
+            level = (low[j, 2] - most <= z[i]) & (z[i] <= high[j, 2] + reach)
+            i, t = i[level], owner[j[level]]
+            # All of a point's pairs stay together.
+            cut = np.searchsorted(i, i[_PAIRS_AT_ONCE - 1 :: _PAIRS_AT_ONCE], "right")
+            for some_i, some_t in zip(np.split(i, cut), np.split(t, cut), strict=True):
+                yield rows.start + some_i, some_t
+
+
+def _without_copies(i: Ints, t: Ints) -> tuple[Ints, Ints]:
+    """Distinct pairs, in ascending order."""
+    order = np.lexsort((t, i))
+    i, t = i[order], t[order]
+    new = (np.diff(i, prepend=-1) != 0) | (np.diff(t, prepend=-1) != 0)
+    return i[new], t[new]
+
+
+def _turns(points: Array, triangles: Array) -> Array:
+    """The turn, -1, 0 or 1, that each triangle (N, 3, 2) makes around its point (N, 2), (N,)."""
+    corner = triangles - points[:, None]
+    head = np.roll(corner, -1, axis=1)
+    left = corner[..., 0] * head[..., 1] - head[..., 0] * corner[..., 1]
+    upward = (corner[..., 1] <= 0) & (head[..., 1] > 0) & (left > 0)
+    downward = (head[..., 1] <= 0) & (corner[..., 1] > 0) & (left < 0)
+    return np.asarray(upward.sum(axis=1) - downward.sum(axis=1), dtype=np.float64)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Ints, batches
 from drake_polygrasp.vectors import cross, dot
 
+_PAIRS_AT_ONCE = 1 << 20
+"""Of points that are measured at once, ours: temporaries of some 40 MB."""
 _BINS = 8
 """A side, ours: some 400 bins on the surface of a round body."""
 
@@ -74,8 +76,10 @@ def diameter(points: Array) -> float:
     for k in np.argsort(-bound[i, j], kind="stable"):
         if bound[i[k], j[k]] < greatest:
             break
-        gap = members[i[k]][:, None] - members[j[k]]
-        greatest = max(greatest, float(np.sqrt(np.einsum("abi,abi->ab", gap, gap).max())))
+        ends = members[i[k]]
+        for rows in batches(len(ends), _PAIRS_AT_ONCE // len(members[j[k]])):
+            gap = ends[rows, None] - members[j[k]]
+            greatest = max(greatest, float(np.sqrt(np.einsum("abi,abi->ab", gap, gap).max())))
     return greatest
 
 

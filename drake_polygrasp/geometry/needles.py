@@ -1,0 +1,111 @@
+"""Bounding boxes that keep close to triangles, also to needles that lie across the axes.
+
+The box around such a needle holds thousands of times its area, and a mesh of them, as fine
+cylinders have, would be near to every point. Needles are therefore cut into pieces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, Ints
+
+_MAX_PIECES = 32
+"""Ours: a tree takes some 500 bytes for each."""
+_FAT = 4.0
+"""Area of box over triangle, ours: no more but of needles."""
+_SLIM = 2.0
+"""Area of box over that of any triangle that is no needle, ours."""
+_TINY = np.finfo(float).tiny
+_ROUNDING = 1e-12
+"""Of a box's diagonal, ours: so much wider it holds its piece for certain."""
+
+
+def bounding_boxes(triangles: Array) -> tuple[Array, Array, Ints]:
+    """Returns least and greatest corners of boxes, shape (N, 3) each, and the triangle of each.
+
+    A triangle is inside the union of its boxes. Cutting a needle gains as much as its box is large
+    across z, compared with the room that all triangles have. N is T where there are no needles.
+
+    Args:
+        triangles: shape (T, 3, 3).
+    """
+    low, high = triangles.min(axis=1), triangles.max(axis=1)
+    if not len(triangles):
+        return low, high, np.empty(0, dtype=np.int64)
+    count = _num_pieces(triangles, low, high)
+    single, needles = np.flatnonzero(count == 1), np.flatnonzero(count > 1)
+    if not len(needles):
+        return low, high, np.arange(len(triangles))
+    owner = np.repeat(needles, count[needles])
+    piece = np.arange(len(owner)) - np.searchsorted(owner, owner)
+    ends = np.stack([piece, piece + 1], axis=1) / count[owner, None]
+    points = _slab_corners(triangles[owner], ends)
+    slack = _ROUNDING * np.linalg.norm(high - low, axis=1)[owner, None]
+    return (
+        np.concatenate([low[single], points.min(axis=1) - slack]),
+        np.concatenate([high[single], points.max(axis=1) + slack]),
+        np.concatenate([single, owner]),
+    )
+
+
+def along_needles(triangles: Array) -> Array:
+    """Returns a rotation about z, shape (3, 3), that lays most needles along x.
+
+    Rows times it are in the frame for boxes. It is the identity where it would not halve the area
+    of all boxes, seen along z.
+
+    Args:
+        triangles: shape (T, 3, 3).
+    """
+    low, high = triangles.min(axis=1, initial=np.inf), triangles.max(axis=1, initial=-np.inf)
+    needles = triangles[_slimness(triangles, low, high) >= _SLIM]
+    if not len(needles):
+        return np.eye(3)
+    sides = (np.roll(needles, -1, axis=1) - needles)[..., :2]
+    length = np.linalg.norm(sides, axis=2)
+    x, y = sides[np.arange(len(sides)), np.argmax(length, axis=1)].T
+    # Of lines, not of arrows: twice the angle is what can be averaged.
+    angle = np.arctan2((2 * x * y).sum(), (x**2 - y**2).sum()) / 2
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    turned = np.ptp(triangles @ turn, axis=1)[:, :2].prod(axis=1).sum()
+    return turn if turned < (high - low)[:, :2].prod(axis=1).sum() / 2 else np.eye(3)
+
+
+def _num_pieces(triangles: Array, low: Array, high: Array) -> Ints:
+    box = (high - low)[:, :2].prod(axis=1)
+    room = np.ptp(triangles[..., :2].reshape(-1, 2), axis=0).prod() / len(triangles)
+    share = np.sqrt(box / max(room, _TINY))
+    pieces = np.minimum(_slimness(triangles, low, high), share)
+    return np.asarray(np.clip(pieces, 1, _MAX_PIECES), dtype=np.int64)
+
+
+def _slimness(triangles: Array, low: Array, high: Array) -> Array:
+    """How much larger a box is, seen along z, than that of any triangle that is no needle, (T,)."""
+    box = (high - low)[:, :2].prod(axis=1)
+    (ax, ay), (bx, by) = np.moveaxis(triangles[:, 1:, :2] - triangles[:, :1, :2], 0, 2)
+    area = np.abs(ax * by - bx * ay) / 2
+    return np.asarray(box / np.maximum(_FAT * area, 1e-6 * box + _TINY))
+
+
+def _slab_corners(triangles: Array, ends: Array) -> Array:
+    """Points, shape (N, 5, 3), whose hull holds the slab of each triangle between two cuts.
+
+    Cuts are square to the longest side, at two shares of its length, `ends` (N, 2).
+    """
+    length = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    turn = (np.argmax(length, axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
+    side = b - a
+    foot = np.einsum("ni,ni->n", c - a, side) / np.einsum("ni,ni->n", side, side)
+    foot = np.clip(foot, 0, 1)[:, None]
+    on_side = a[:, None] + ends[..., None] * side[:, None]
+    before = np.where(foot > 0, ends / np.where(foot > 0, foot, 1), 1)
+    after = np.where(foot < 1, (1 - ends) / np.where(foot < 1, 1 - foot, 1), 1)
+    rise = np.clip(np.minimum(before, after), 0, 1)[..., None]
+    legs = np.where((ends <= foot)[..., None], a[:, None], b[:, None])
+    across = legs + rise * (c[:, None] - legs)
+    holds_c = (ends[:, :1] <= foot) & (foot <= ends[:, 1:])
+    apex = np.where(holds_c, c, on_side[:, 0])
+    return np.concatenate([on_side, across, apex[:, None]], axis=1)
