@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, batches
 
 _SEARCH = 1e-2
 """Times area / perimeter, which is less than the inradius, ours: how near a search on a grid comes
@@ -15,6 +15,8 @@ _ROUGH = 5e-2
 """The same, ours, where a rough answer will do."""
 _FINEST_SEARCH = 1e-3
 """Times the polygon's extent, ours: keeps that search short on slivers."""
+_SIDES_AT_ONCE = 1 << 18
+"""Of polygons' sides, each with a point, ours: temporaries of some 50 MB."""
 _ROUNDS = 100
 """Ours, several times what is needed: ends loops that rounding errors might keep alive."""
 
@@ -29,12 +31,33 @@ def inradius(polygons: npt.NDArray[np.object_]) -> Array:
     hence few rounds suffice; those of a convex polygon always do, and it takes one. Others have
     several local maxima, hence several starts.
     """
-    if not len(polygons):
-        return np.empty(0)
+    inradii = np.zeros(len(polygons))
+    # Polygons of about as many sides together, for arrays are as wide as the one of most.
+    size = np.log2(np.maximum(shapely.get_num_coordinates(polygons), 1)).astype(np.int64)
+    for value in np.unique(size):
+        rows = np.flatnonzero(size == value)
+        for some in batches(len(rows), _SIDES_AT_ONCE >> value):
+            inradii[rows[some]] = _inradius(polygons[rows[some]])
+    return inradii
+
+
+def _inradius(polygons: npt.NDArray[np.object_]) -> Array:
     hull_area, area = shapely.area(shapely.convex_hull(polygons)), shapely.area(polygons)
     convex = hull_area <= area * (1 + 1e-9)
     center, polygon = _starts(polygons, convex)
     start, end, real = _sides(polygons)
+    inradii = np.zeros(len(polygons))
+    for some in batches(len(center), _SIDES_AT_ONCE // start.shape[1]):
+        k = polygon[some]
+        radius = _climb(center[some], start, end, real, convex, k)
+        np.maximum.at(inradii, k, radius)
+    return inradii
+
+
+def _climb(
+    center: Array, start: Array, end: Array, real: Bools, convex: Bools, polygon: Ints
+) -> Array:
+    """The radii to which discs around starting points (s, 2) of polygons (s,) grow, shape (s,)."""
     radius = np.zeros(len(center))
     rows = np.arange(len(center))
     for _ in range(_ROUNDS):
@@ -52,9 +75,7 @@ def inradius(polygons: npt.NDArray[np.object_]) -> Array:
         level = np.einsum("nmi,nmi->nm", inward, nearest - center[:, None])
         level = np.where(real[polygon[rows]], level, -np.inf)
         center = center + _largest_disc(inward, level, radius[rows])
-    inradii = np.zeros(len(polygons))
-    np.maximum.at(inradii, polygon, radius)
-    return inradii
+    return radius
 
 
 def rough_inradius(

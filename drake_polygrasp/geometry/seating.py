@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.geometry.facets import (
     facets_of,
     is_covered,
@@ -30,6 +30,8 @@ CRACK = 1e-3
 """Times L, ours: gaps narrower than this are closed to any finger, even a point."""
 _JUST_INSIDE = 1e-8
 """Times L, ours: as little as can be told from rounding, for beside a sharp edge more leads out."""
+_PAIRS_AT_ONCE = 1 << 20
+"""Of faces and triangles that are compared at once, ours: temporaries of some 50 MB."""
 _STEEPEST = np.cos(0.02)
 """Ours: a triangle that leans out of its face by more than 0.02 rad is a needle, and its normal
 noise."""
@@ -203,12 +205,17 @@ def _flat_pairs(
     polyhedron: Polyhedron, face: Ints, triangles: Array, nhat: Array
 ) -> tuple[Ints, Ints]:
     """Which faces which triangles (T, 3, 3) of normals (T, 3) lie in, and which those are."""
-    planes = _planes(polyhedron, face)
-    cosine = planes.R_BF[:, :, 2] @ nhat.T
-    k, t = np.nonzero(cosine >= _STEEPEST)
-    height = dot(triangles[t] - planes.p_BF[k, None], planes.R_BF[k, None, :, 2])
-    flat = _is_flat(height, cosine[k, t], polyhedron.diameter)
-    return face[k[flat]], t[flat]
+    none = np.empty(0, dtype=np.int64)
+    found = [(none, none)]
+    for rows in batches(len(face), _PAIRS_AT_ONCE // max(1, len(triangles))):
+        planes = _planes(polyhedron, face[rows])
+        cosine = planes.R_BF[:, :, 2] @ nhat.T
+        k, t = np.nonzero(cosine >= _STEEPEST)
+        height = dot(triangles[t] - planes.p_BF[k, None], planes.R_BF[k, None, :, 2])
+        flat = _is_flat(height, cosine[k, t], polyhedron.diameter)
+        found.append((face[rows][k[flat]], t[flat]))
+    k, t = (np.concatenate(x) for x in zip(*found, strict=True))
+    return k, t
 
 
 def _is_flat(height: Array, cosine: Array, L: float) -> Bools:
