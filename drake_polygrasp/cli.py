@@ -143,7 +143,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
     gap = None if arguments.gap is None else _gap(arguments, object_, plan)
     code = DONE if plan.grasps else FAILED
     if arguments.plant and plan.grasps and not any(map(holds_in_plant, plan.grasps)):
-        code = _complain(f"{output}: none of the grasps holds in a plant", FAILED)
+        code = _complain(f"{output}: a plant bears out none of the grasps", FAILED)
     if not arguments.json:
         table = [plan_table(arguments.model, object_, plan, output)] if plan.grasps else []
         return code, "\n".join(table + (gap_lines(gap) if gap else []))

@@ -31,13 +31,19 @@ def plan_plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
     asked = [grasp for grasp in grasps if grasp.plant is not None]
     if not asked:
         return []
-    lines = [f"in a plant {sum(map(holds_in_plant, asked))} of {len(asked)} grasps hold"]
+    ranks: dict[str, list[str]] = {}
     for rank, grasp in enumerate(grasps, start=1):
         if grasp.plant is not None and not grasp.plant.holds:
             against = next(v for v in grasp.plant.verdicts if v.verdict is grasp.plant.verdict)
             reason = f": {against.reason}" if against.reason else ""
-            lines.append(f"grasp {rank}, {against.name} {against.verdict}{reason}")
-    return lines
+            ranks.setdefault(f"{against.name} {against.verdict}{reason}", []).append(str(rank))
+    return [
+        f"in a plant {sum(map(holds_in_plant, asked))} of {len(asked)} grasps hold",
+        *(
+            f"grasp{'s' if len(who) > 1 else ''} {', '.join(who)}, {fault}"
+            for fault, who in ranks.items()
+        ),
+    ]
 
 
 def verified_plant_column(report: Report) -> list[tuple[str, ...]]:

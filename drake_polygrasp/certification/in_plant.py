@@ -55,6 +55,8 @@ _NUM_WEIGHTS = 6
 class PlantReport(PlantRecord):
     """What a plant says of a grasp, with the simulation that it was judged by."""
 
+    equilibria: tuple[statics.Equilibrium, ...] = ()
+    """Of the weight along +x, +y, +z, -x, -y, -z of B."""
     trace: simulation.Trace | None = None
     loads: tuple[str, ...] = ()
     """What the trace's loads are."""
@@ -227,7 +229,9 @@ def plan_loads(scene: Scene) -> LoadPlan | Obstacle:
     if object_.mass is None:
         return Obstacle(Verdict.UNDECIDED, "not run: the model states no mass")
     if not _has_inertia(scene.solid):
-        return Obstacle(Verdict.UNDECIDED, "not run: the model states no rotational inertia")
+        return Obstacle(
+            Verdict.UNDECIDED, "not run: about some axis the model states no rotational inertia"
+        )
     contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
     needed = squeeze_force(*contacts, object_.p_BBcm, object_.rho, object_.mass)
     if needed is None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import GeometryInstance, ProximityProperties, QueryObject, SceneGraph, Shape
@@ -24,7 +23,8 @@ from drake_polygrasp.geometry.triangles import nearest_on_triangles
 from drake_polygrasp.loading.shapes import part_of
 
 
-class Nearest(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Nearest:
     """The point of a surface that is nearest to another point."""
 
     distance: float
