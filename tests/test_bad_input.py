@@ -7,6 +7,7 @@ import re
 import shutil
 import sys
 import time
+from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 from drake_polygrasp.child_process import Task, call_in_child
+from drake_polygrasp.cli import _task
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.mesh_file import MAX_TRIANGLES
 from tests.fuzz import CUBE_OBJ, run, warm_up
@@ -370,6 +372,16 @@ def test_progress_that_is_counted_comes_from_the_child(
     quiet = Task("counting", unit="sheep", quiet=True)
     call_in_child("tests.test_bad_input:count_sheep", 12, task=quiet)
     assert capsys.readouterr().err == ""
+
+
+def test_who_reads_json_through_a_pipe_is_told_no_progress(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    machine, person = Namespace(json=True), Namespace(json=False)
+    assert _task(machine, "planning").quiet
+    assert not _task(person, "planning").quiet
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert not _task(machine, "planning").quiet
 
 
 def count_sheep(number: int, progress: Callable[[int, int], None]) -> int:

@@ -299,3 +299,19 @@ def test_curved_bodies_have_no_gap_and_are_told_so(
 def test_nodes_are_a_positive_number() -> None:
     with pytest.raises(UsageError, match="nodes is 0; it must be at least 1"):
         epsilon_gap(CUBE, plan_grasps(CUBE, top=1), nodes=0)
+
+
+def test_progress_is_told_in_nodes() -> None:
+    object_ = load_object(MODELS / "l_bracket" / "l_bracket.sdf")
+    told: list[tuple[int, int]] = []
+    gap = epsilon_gap(
+        object_,
+        plan_grasps(object_, top=1),
+        nodes=3000,
+        progress=lambda done, total: told.append((done, total)),
+    )
+    done = [count for count, _ in told]
+    assert done[0] == 0
+    assert done == sorted(set(done))
+    assert done[-1] < gap.nodes <= 3000
+    assert {total for _, total in told} == {3000}

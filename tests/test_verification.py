@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import shutil
 from collections.abc import Callable, Iterator
@@ -378,3 +379,14 @@ def test_a_claim_may_be_as_close_as_it_is_true(tmp_path: Path, factor: float, ho
     grasps = [replace(found, certificate=certificate)]
     save_grasps(tmp_path / "close.grasp.yaml", object_, grasps, plan.settings)
     assert verify_file(tmp_path / "close.grasp.yaml").holds == holds
+
+
+def test_progress_is_told_in_grasps(box: Path) -> None:
+    def thrice(document: Document) -> None:
+        document["grasps"] = [copy.deepcopy(document["grasps"][0]) for _ in range(3)]
+
+    edit(box, thrice)
+    told: list[tuple[int, int]] = []
+    report = verify_file(box, progress=lambda done, total: told.append((done, total)))
+    assert report.holds
+    assert told == [(0, 3), (1, 3), (2, 3)]

@@ -76,6 +76,7 @@ def certify_in_plant(
     """Checks a grasp by mathematics, and in scratch plants with the object's own model.
 
         report = certify_in_plant(bracket, plan.grasps[0])
+        kept = dataclasses.replace(plan.grasps[0], plant=report)  # what save_grasps then writes
 
     Args:
         object_: what is grasped, loaded from a file.
