@@ -10,7 +10,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.certification.certify import Proof, certify, prove_many
 from drake_polygrasp.certification.wrench_space import Interval, epsilon_interval
-from drake_polygrasp.digits import on_grid, unit_digits
+from drake_polygrasp.digits import on_grid, to_decimals
 from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE, Regions
 from drake_polygrasp.geometry.seating import edge_distance, face_of, least_tip, seat, tip_fits
 from drake_polygrasp.grasp import (
@@ -161,7 +161,7 @@ class Contenders:
             KINDS[self.kind[row]],
             (a, b, c),
             GraspPlane(
-                frozen(unit_digits(rows.nhat_B[row])),
+                frozen(to_decimals(rows.nhat_B[row])),
                 frozen(on_grid(rows.p_BP[row], object_.polyhedron.diameter)),
             ),
             self._quality(row),
@@ -179,11 +179,11 @@ class Contenders:
         return replace(certified, tip_radius=self.task.tip_radius)
 
     def _quality(self, row: int) -> Quality | None:
-        q_1, q_2, q_3, q_4, q_5 = q = unit_digits(self.candidates.q[row]).tolist()
+        q_1, q_2, q_3, q_4, q_5 = q = to_decimals(self.candidates.q[row]).tolist()
         if np.isnan(q).any():
             return None
         scale: Literal["paper", "object"] = "paper" if self.task.method == "paper" else "object"
-        return Quality(scale, float(unit_digits(np.prod(q))), (q_1, q_2, q_3, q_4, q_5))
+        return Quality(scale, float(to_decimals(np.prod(q))), (q_1, q_2, q_3, q_4, q_5))
 
     def set_codes(self) -> Codes:
         """What became of each set: the best of its candidates' outcomes."""
@@ -230,7 +230,7 @@ def contenders(task: Task, plan: SetPlan, triples: Triples | None) -> Contenders
     seats = seat(polyhedron, p_BC[built].reshape(-1, 3), face[built].ravel())
     p_BC[built] = on_grid(seats.p_BC, polyhedron.diameter).reshape(-1, 3, 3)
     nhat_TB_B[built] = seats.nhat_TB_B.reshape(-1, 3, 3)
-    nhat_TB_B = unit_digits(nhat_TB_B)
+    nhat_TB_B = to_decimals(nhat_TB_B)
     on_surface = np.zeros(len(built), dtype=bool)
     on_surface[built] = seats.ok.reshape(-1, 3).all(axis=1)
     outcome[built & ~on_surface] = CODE["off_face"]

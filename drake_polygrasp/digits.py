@@ -34,8 +34,8 @@ def on_grid(lengths: Array, size: float, digits: int = EXACT) -> Array:
     return np.asarray(np.round(lengths, decimals) + 0.0)
 
 
-def unit_digits(values: Array) -> Array:
-    """Rounds components of unit vectors and other shares of 1 to `EXACT` decimals."""
+def to_decimals(values: Array) -> Array:
+    """Rounds numbers of the order of one, as components of unit vectors and angles, to `EXACT`."""
     return np.asarray(np.round(values, EXACT) + 0.0)
 
 

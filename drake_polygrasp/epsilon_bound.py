@@ -71,7 +71,7 @@ def critical_directions(
     single out count too, by which the object often leaves contacts that do not hold.
 
     Returns:
-        `num` directions of little h for each grasp, in no order, shape (M, num, 6), and the least
+        `num` directions of least h for each grasp, shape (M, num, 6), and the least
         of h, which bounds epsilon from above where the grasp holds, shape (M,).
     """
     found = []
@@ -89,7 +89,7 @@ def critical_directions(
             cones = frame_wrenches(frames, r, mu[rows])
             w = np.concatenate([w, others], axis=1)
             order = np.concatenate([order, _radii(cones, others)], axis=1)
-        best = np.argpartition(order, num, axis=1)[:, :num]
+        best = np.argsort(order, axis=1, kind="stable")[:, :num]
         found.append(
             (unit(w[np.arange(len(r))[:, None], best]), np.maximum(order.min(axis=1), 0.0))
         )
@@ -152,7 +152,7 @@ def _rim_twists(lines: Lines) -> _RimTwists:
 
 def _radii(cones: Array, w: Array) -> Array:
     """h(w) / |w| for cones (M, 3, 3, 6) and directions (M, K, 6), shape (M, K)."""
-    n, t_1, t_2 = np.moveaxis(cones, 2, 0) @ w.swapaxes(1, 2)
+    n, t_1, t_2 = np.einsum("mcrd,mkd->rmck", cones, w)
     h = (n + np.sqrt(t_1 * t_1 + t_2 * t_2)).max(axis=1)
     radii: Array = h / (np.sqrt(dot(w, w)) + TINY)
     return radii

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.vectors import cross_first
+from drake_polygrasp.vectors import circle, cross_first
 
 CHUNK = 256
 """Grasps at a time, which keeps the arrays of their twists in the cache."""
@@ -100,14 +100,15 @@ def chunks(num: int) -> list[slice]:
 @cache
 def rim(num_turns: int) -> Array:
     """Points (cos, sin, 1) around a unit circle, shape (num_turns, 3)."""
-    angles = 2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns
-    return frozen(np.stack([np.cos(angles), np.sin(angles), np.ones(num_turns)], axis=1))
+    points = circle(2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns)
+    return frozen(np.column_stack([points, np.ones(num_turns)]))
 
 
 def combined(weights: Array, values: Array) -> Array:
     """Weighted sums, (T, K) of (..., K, 6, M) to (..., T, 6, M)."""
     *shape, K, L, M = values.shape
-    sums: Array = weights.astype(values.dtype) @ values.reshape(*shape, K, L * M)
+    flat = values.reshape(*shape, K, L * M)
+    sums: Array = np.einsum("tk,...kn->...tn", weights.astype(values.dtype), flat)
     return sums.reshape(*shape, len(weights), L, M)
 
 

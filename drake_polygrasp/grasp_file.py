@@ -20,7 +20,7 @@ import yaml
 from drake_polygrasp import __version__
 from drake_polygrasp.arguments import check_instance, check_items, check_path, refuse
 from drake_polygrasp.arrays import frozen
-from drake_polygrasp.digits import unit_digits
+from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.grasp import (
     CertifiedGrasp,
@@ -105,7 +105,7 @@ def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:
         f_Bc_B = certified.f_Bc_B
     else:
         x = certificate.internal_force
-        f_Bc_B = unit_digits(edge_forces(grasp.p_BC[None], x[None])[0])
+        f_Bc_B = to_decimals(edge_forces(grasp.p_BC[None], x[None])[0])
     document: dict[str, Any] = {
         "kind": grasp.kind,
         "faces": grasp.faces,

@@ -101,7 +101,7 @@ def contact_frames(p_BC: Array, nhat_TB_B: Array) -> Array:
     tangent = N - dot(N, nhat_TB_B)[..., None] * nhat_TB_B
     vanishes = dot(tangent, tangent) <= _ON_A_SIDE**2
     if vanishes.any():
-        axis = np.eye(3)[np.abs(nhat_TB_B[vanishes]).argmin(axis=-1)]
+        axis = np.eye(3)[np.round(np.abs(nhat_TB_B[vanishes]), 9).argmin(axis=-1)]
         tangent[vanishes] = cross(nhat_TB_B[vanishes], axis)
     frames = np.empty((*nhat_TB_B.shape, 3))
     frames[:, :, 0] = nhat_TB_B
@@ -196,12 +196,12 @@ def support(cones: Array, directions: Array) -> tuple[Array, Array]:
         points of W that attain them, shape (M, K, 3, 6).
     """
     M, K, _ = directions.shape
-    rows = (directions @ cones.reshape(M, 9, 6).transpose(0, 2, 1)).reshape(M, K, 3, 3)
-    tangential = np.hypot(rows[..., 1], rows[..., 2])
+    rows = np.einsum("mkd,mrd->mkr", directions, cones.reshape(M, 9, 6)).reshape(M, K, 3, 3)
+    tangential = np.sqrt(rows[..., 1] ** 2 + rows[..., 2] ** 2)
     h = rows[..., 0] + tangential
     # Where the cone's rim is level all of it attains h: take its centre, not a rounding error.
     level = tangential <= _ON_A_SIDE * np.linalg.norm(directions, axis=-1)[..., None]
     weights = np.ones_like(rows)
     weights[..., 1:] = np.where(level[..., None], 0.0, unit(rows[..., 1:]))
-    points = (weights.transpose(0, 2, 1, 3) @ cones).transpose(0, 2, 1, 3)
+    points = np.einsum("mkcr,mcrd->mkcd", weights, cones)
     return h, points

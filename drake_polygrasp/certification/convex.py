@@ -22,6 +22,7 @@ from drake_polygrasp.certification.exact import (
     check_force_closure,
 )
 from drake_polygrasp.digits import at_least, significant
+from drake_polygrasp.vectors import dot, product, unit
 from drake_polygrasp.wrench import contact_frames, contact_triangle, edge_forces
 
 MU_FLOOR = 1e-4
@@ -98,7 +99,7 @@ def _edge_rows(p_BC: Array, nhat_TB_B: Array) -> tuple[Array, Array]:
     # One triangle and x after another, each with all three units.
     forces = edge_forces(np.repeat(p, 3, axis=0), np.tile(np.eye(3), (len(p), 1)))
     forces = np.moveaxis(forces.reshape(-1, 3, 3, 3), 1, -1)
-    return contact_frames(p_BC, nhat_TB_B) @ forces, size
+    return product(contact_frames(p_BC, nhat_TB_B), forces), size
 
 
 def _printable(x: Array, rows: Array, size: Array) -> Array:
@@ -163,7 +164,7 @@ def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[
         if mu_min <= MU_FLOOR:
             break
         # In shares of the forces at hand t counts friction alike at all contacts.
-        share = size * (rows[..., 0, :] @ witness)
+        share = size * dot(rows[..., 0, :], witness)
         force = _printable(program.solve(rows, friction_at(mu, tried)[None], share), rows, size)[0]
         needed = _friction_needed(rows[0], mu, force)
         is_last = tried > MU_FLOOR and not needed * _MU_STEP < mu_min
@@ -180,7 +181,7 @@ def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[
 
 def _friction_needed(rows: Array, mu: Array, x: Array) -> float:
     """The greatest coefficient with which x passes the exact check, all lowered by one factor."""
-    f = rows @ x
+    f = dot(rows, x)
     if not (f[:, 0] > 0.0).all():
         return math.inf
     squared = (f[:, 1] ** 2 + f[:, 2] ** 2) / f[:, 0] ** 2
@@ -214,7 +215,7 @@ def find_escape(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Escape | None:
     for i, j in itertools.permutations(range(3), 2):
         if check_escaping_hinge(*contacts, (i, j)).ok:
             axis = p_BC[j] - p_BC[i]
-            omega = axis / np.linalg.norm(axis)
+            omega = unit(axis)
             return Escape(frozen([*omega, *np.cross(p_BC[i], omega)]), (i, j))
     twist = _freest_twist(p_BC, nhat_TB_B, mu)
     if (

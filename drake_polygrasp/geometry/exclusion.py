@@ -14,6 +14,7 @@ from drake_polygrasp.arguments import check_items
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, Polyhedron
+from drake_polygrasp.vectors import times, unit
 
 AVOID_ANGLE = np.pi / 4
 """[rad], ours: an outward normal this near a direction to avoid points that way."""
@@ -37,7 +38,7 @@ class Exclusion:
         """Which contacts are excluded, by inward normals (M, 3) and faces (M,); shape (M,)."""
         if not self:
             return np.zeros(len(face), dtype=bool)
-        cosine = -nhat_TB_B @ self.directions_B.T
+        cosine = times(-nhat_TB_B, self.directions_B.T)
         points_there = (cosine >= np.cos(self.angle) - ANGLE_TOLERANCE).any(axis=1)
         return np.asarray(points_there | np.isin(face, np.array(self.faces, dtype=np.int64)))
 
@@ -95,7 +96,7 @@ def _unit(direction: npt.ArrayLike) -> Array:
         )
     # Divided twice, so that squares neither vanish nor overflow.
     vector = vector / largest
-    return np.asarray(vector / np.linalg.norm(vector))
+    return unit(vector)
 
 
 def _face_index(face: int, num_faces: int) -> int:

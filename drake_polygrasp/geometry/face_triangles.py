@@ -12,7 +12,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.triangles import face_frame
-from drake_polygrasp.vectors import cross, dot
+from drake_polygrasp.vectors import cross, dot, times
 
 _ROUNDING = 1e-9
 """Of a face's area, ours: triangles turned against their face by less than this are none."""
@@ -99,11 +99,11 @@ def triangulate(outline: Array) -> Ints:
         return np.empty((0, 3), dtype=np.int64)
     outline = outline[kept]
     area = vector_areas(outline, np.arange(n), np.array([0, n]))[0]
-    size = float(np.linalg.norm(area))
+    size = float(np.sqrt(dot(area, area)))
     if size <= _ROUNDING * np.ptp(outline, axis=0).max() ** 2:
         return np.empty((0, 3), dtype=np.int64)
     middle = outline.mean(axis=0)
-    xy = (outline - middle) @ face_frame(area / size)[:, :2]
+    xy = times(outline - middle, face_frame(area / size)[:, :2])
     polygon = shapely.Polygon(xy)
     if not polygon.is_valid:
         polygon = shapely.make_valid(polygon)

@@ -15,6 +15,7 @@ from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.polyhedron import ON_SURFACE, SAME_NORMAL, Face, Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.triangles import unit_normals
+from drake_polygrasp.vectors import times
 
 _STEEPEST_ON_PATCH = np.cos(0.6)
 """Ours, near 35 degrees: a facet that leans more is noise and no place for a finger."""
@@ -73,16 +74,18 @@ def seat_on_patch(
         seated, outward = face.primitive.project(p_BC)
         return seated, -outward, np.ones(len(p_BC), dtype=bool)
     L, Fz, nhat = polyhedron.diameter, face.R_BF[:, 2], facets.nhat
-    near = facets.wide & (facets.mu == face.mu) & (nhat @ Fz >= _STEEPEST_ON_PATCH)
+    near = facets.wide & (facets.mu == face.mu) & (times(nhat, Fz) >= _STEEPEST_ON_PATCH)
     candidates = np.flatnonzero(near)
-    height = (polyhedron.triangles_B[candidates] - face.p_BF) @ Fz
+    height = times(polyhedron.triangles_B[candidates] - face.p_BF, Fz)
     candidates = candidates[np.abs(height).max(axis=1, initial=0) <= 2 * face.reach]
     triangles = polyhedron.triangles_B[candidates]
-    tree = shapely.STRtree(shapely.polygons((triangles - face.p_BF) @ face.R_BF[:, :2]))
-    points = shapely.points((p_BC - face.p_BF) @ face.R_BF[:, :2])
+    tree = shapely.STRtree(shapely.polygons(times(triangles - face.p_BF, face.R_BF[:, :2])))
+    points = shapely.points(times(p_BC - face.p_BF, face.R_BF[:, :2]))
     i, t = tree.query(points, predicate="intersects")
     t = candidates[t]
-    rise = np.einsum("ij,ij->i", polyhedron.triangles_B[t, 0] - p_BC[i], nhat[t]) / (nhat[t] @ Fz)
+    rise = np.einsum("ij,ij->i", polyhedron.triangles_B[t, 0] - p_BC[i], nhat[t]) / times(
+        nhat[t], Fz
+    )
     order = np.lexsort((t, -rise, i))
     i, first = np.unique(i[order], return_index=True)
     t, rise = t[order][first], rise[order][first]
@@ -152,9 +155,9 @@ def _nearest_facet(polyhedron: Polyhedron, solid: Primitive, p_BC: Array) -> Int
     found, least = np.full(len(p_BC), -1), np.full(len(p_BC), np.inf)
     for k, face in enumerate(polyhedron.faces):
         if face.primitive is solid:
-            p_FC = (p_BC - face.p_BF) @ face.R_BF
+            p_FC = times(p_BC - face.p_BF, face.R_BF)
             beside = shapely.distance(face.polygon_F, shapely.points(p_FC[:, :2]))
-            distance = np.hypot(beside, p_FC[:, 2])
+            distance = np.sqrt(beside**2 + p_FC[:, 2] ** 2)
             nearer = distance < least
             found[nearer], least[nearer] = k, distance[nearer]
     return found

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
+from drake_polygrasp.vectors import circle
 
 _SEARCH = 1e-2
 """Times area / perimeter, which is less than the inradius, ours: how near a search on a grid comes
@@ -148,7 +149,7 @@ def _largest_disc(inward: Array, level: Array, radius: Array) -> Array:
     n = len(level)
     farthest = np.where(np.isfinite(level), -level, 0).max(axis=1, keepdims=True)
     angle = np.arange(3) * 2 * np.pi / 3
-    far = np.broadcast_to(np.stack([np.cos(angle), np.sin(angle)], axis=1), (n, 3, 2))
+    far = np.broadcast_to(circle(angle), (n, 3, 2))
     u = np.concatenate([far, inward], axis=1)
     level = np.concatenate([np.repeat(-100 * farthest, 3, axis=1), level], axis=1)
     rounding = 1e-15 * farthest[:, 0] + 1e-14 * radius
@@ -157,18 +158,35 @@ def _largest_disc(inward: Array, level: Array, radius: Array) -> Array:
     solution = np.zeros((n, 3))
     for _ in range(_ROUNDS):
         active = (rows[:, None], basis[rows])
-        matrix = np.concatenate([u[active], -np.ones((len(rows), 3, 1))], axis=2)
-        x = np.linalg.solve(matrix, level[active][..., None])[..., 0]
+        corners = u[active]
+        x = _where_equal(corners, level[active])
         solution[rows] = x
         slack = np.einsum("nmi,ni->nm", u[rows], x[:, :2]) - level[rows] - x[:, 2:]
         entering = np.argmin(slack, axis=1)
         violated = slack.min(axis=1) < -rounding[rows]
-        rows, entering, matrix = rows[violated], entering[violated], matrix[violated]
+        rows, entering, corners = rows[violated], entering[violated], corners[violated]
         if not len(rows):
             break
-        column = np.concatenate([u[rows, entering], -np.ones((len(rows), 1))], axis=1)
-        right = np.stack([np.broadcast_to([0.0, 0.0, -1.0], column.shape), column], axis=2)
-        multiplier, change = np.moveaxis(np.linalg.solve(matrix.swapaxes(1, 2), right), 2, 0)
+        multiplier = _shares(corners, np.zeros((len(rows), 2)))
+        change = _shares(corners, u[rows, entering])
         ratio = np.where(change > 1e-12, multiplier / np.where(change > 0, change, 1), np.inf)
         basis[rows, np.argmin(ratio, axis=1)] = entering
     return solution[:, :2]
+
+
+def _where_equal(u: Array, level: Array) -> Array:
+    """The (x, y, t) at which u @ (x, y) - t = level, for three vectors each: (n, 3, 2), (n, 3)."""
+    (ax, ay), (bx, by) = u[:, 1].T - u[:, 0].T, u[:, 2].T - u[:, 0].T
+    a, b = level[:, 1] - level[:, 0], level[:, 2] - level[:, 0]
+    twice = ax * by - ay * bx
+    x, y = (a * by - ay * b) / twice, (ax * b - a * bx) / twice
+    return np.stack([x, y, u[:, 0, 0] * x + u[:, 0, 1] * y - level[:, 0]], axis=1)
+
+
+def _shares(u: Array, point: Array) -> Array:
+    """Barycentric coordinates of points (n, 2) in triangles (n, 3, 2), shape (n, 3)."""
+    to_corner = u - point[:, None]
+    x, y = to_corner[..., 0], to_corner[..., 1]
+    area = x[:, [1, 2, 0]] * y[:, [2, 0, 1]] - x[:, [2, 0, 1]] * y[:, [1, 2, 0]]
+    shares: Array = area / area.sum(axis=1, keepdims=True)
+    return shares

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.vectors import circle, times
 
 _MAX_PIECES = 32
 """Ours: a tree takes some 500 bytes for each."""
@@ -67,9 +68,9 @@ def along_needles(triangles: Array) -> Array:
     x, y = sides[np.arange(len(sides)), np.argmax(length, axis=1)].T
     # Of lines, not of arrows: twice the angle is what can be averaged.
     angle = np.arctan2((2 * x * y).sum(), (x**2 - y**2).sum()) / 2
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = circle(angle)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    turned = np.ptp(triangles @ turn, axis=1)[:, :2].prod(axis=1).sum()
+    turned = np.ptp(times(triangles, turn), axis=1)[:, :2].prod(axis=1).sum()
     return turn if turned < (high - low)[:, :2].prod(axis=1).sum() / 2 else np.eye(3)
 
 

@@ -15,10 +15,12 @@ import shapely
 
 from drake_polygrasp.arguments import check_number, refuse
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.inradius import rough_inradius
 from drake_polygrasp.geometry.sections import merged
 from drake_polygrasp.geometry.shells import connected_components, edge_neighbors
 from drake_polygrasp.geometry.triangles import face_frame, tidy, unit_normals
+from drake_polygrasp.vectors import dot, times
 
 PATCH_ANGLE = np.radians(12.0)
 """[rad], ours, below the friction angle of most pairs: how far normals lean within a patch."""
@@ -124,11 +126,12 @@ def grow_patches(
     angle = PATCH_ANGLE if angle is None else angle
     depth = PATCH_DEPTH * L if depth is None else depth
     surface = _surface(vertices, corners, mu, L)
+    level_cosine = float(to_decimals(np.cos(angle)))
     waiting = surface.area > 0
     grown: list[Ints] = []
     for seed in surface.seeds():
         if waiting[seed]:
-            grown.append(_grow(surface, int(seed), np.cos(angle), 2 * depth))
+            grown.append(_grow(surface, int(seed), level_cosine, 2 * depth))
             waiting[grown[-1]] = False
         if len(grown) == _MAX_SEEDS:
             break
@@ -197,7 +200,7 @@ def _surface(vertices: Array, corners: Ints, mu: Array, L: float) -> _Surface:
 
 def _grow(surface: _Surface, seed: int, cos_angle: float, band: float) -> Ints:
     normal = surface.smooth[seed]
-    level = (surface.vertices[surface.corners[seed]] @ normal).mean()
+    level = dot(surface.vertices[surface.corners[seed]], normal).mean()
     met = np.zeros(len(surface.corners) + 1, dtype=bool)
     met[[seed, -1]] = True  # The last is neighbour -1, which is none.
     frontier = np.array([seed])
@@ -207,10 +210,10 @@ def _grow(surface: _Surface, seed: int, cos_angle: float, band: float) -> Ints:
         fresh[surface.neighbors[frontier]] = True
         around = np.flatnonzero(fresh & ~met)
         met[around] = True
-        height = surface.vertices[surface.corners[around]] @ normal - level
+        height = times(surface.vertices[surface.corners[around]], normal) - level
         near = (np.abs(height) <= band).all(axis=1)
-        near &= (surface.nhat[around] @ normal >= cos_angle) | (
-            surface.smooth[around] @ normal >= cos_angle
+        near &= (times(surface.nhat[around], normal) >= cos_angle) | (
+            times(surface.smooth[around], normal) >= cos_angle
         )
         frontier = around[near]
         found.append(frontier)
@@ -221,11 +224,11 @@ def _fit(surface: _Surface, members: Ints, L: float, least: float) -> Patch | No
     """The plane of the mean normal through the mean point; None for an inradius below `least`."""
     area, nhat = surface.area[members], surface.nhat[members]
     weight = area / area.sum()
-    R_BF = face_frame(tidy(weight @ nhat))
+    R_BF = face_frame(tidy(times(nhat.T, weight)))
     corners = surface.corners[members]
-    points = surface.vertices[corners] @ R_BF
-    offset = float(weight @ points[:, :, 2].mean(axis=1))
-    upright = nhat @ R_BF[:, 2] > _FOLDED
+    points = times(surface.vertices[corners], R_BF)
+    offset = float(times(points[:, :, 2].mean(axis=1), weight))
+    upright = times(nhat, R_BF[:, 2]) > _FOLDED
     outline = _outline(points[upright, :, :2], L, least)
     if outline is None:
         return None

@@ -19,6 +19,7 @@ from drake_polygrasp.geometry.inradius import inradius, rough_inradius
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import unit_normals
+from drake_polygrasp.vectors import dot, times, transformed
 
 ANGLE_TOLERANCE = 1e-9
 """[rad], ours: what is smaller than this is a rounding error of a unit vector."""
@@ -150,7 +151,7 @@ class Polyhedron:
         reach = FLATNESS * self.diameter
         vertices = surface_vertices(self)
         return all(
-            (vertices @ Fz).max() <= Fz @ p_BF + reach
+            times(vertices, Fz).max() <= dot(Fz, p_BF) + reach
             for Fz, p_BF in zip(self.R_BF[:, :, 2], self.p_BF, strict=True)
         )
 
@@ -224,7 +225,10 @@ class Regions:
 def surface_vertices(polyhedron: Polyhedron) -> Array:
     """The vertices of all faces in B [m], with repetitions, shape (V, 3)."""
     return np.concatenate(
-        [f.p_BF + shapely.get_coordinates(f.polygon_F) @ f.R_BF[:, :2].T for f in polyhedron.faces]
+        [
+            f.p_BF + times(shapely.get_coordinates(f.polygon_F), f.R_BF[:, :2].T)
+            for f in polyhedron.faces
+        ]
     )
 
 
@@ -255,14 +259,16 @@ def volume_centroid(polyhedron: Polyhedron) -> Array:
     nhat, area = unit_normals(polyhedron.triangles_B[rest])
     polygons = np.array([face.polygon_F for face in faces], dtype=object)
     xy = shapely.get_coordinates(shapely.centroid(polygons))
-    p_BFc = np.array([f.p_BF + f.R_BF[:, :2] @ c for f, c in zip(faces, xy, strict=True)])
+    p_BFc = np.array(
+        [f.p_BF + transformed(f.R_BF[:, :2], c) for f, c in zip(faces, xy, strict=True)]
+    )
     nhat = np.concatenate([np.array([f.R_BF[:, 2] for f in faces]).reshape(-1, 3), nhat])
     middle = polyhedron.triangles_B[rest].mean(axis=1)
     centroid = np.concatenate([p_BFc.reshape(-1, 3), middle])
     about = polyhedron.triangles_B.reshape(-1, 3).mean(axis=0)
     flux = np.einsum("ni,ni->n", centroid - about, nhat)
     flux *= np.append(shapely.area(polygons), area)
-    return np.asarray(about + 3 / 4 * flux @ (centroid - about) / flux.sum())
+    return np.asarray(about + 3 / 4 * times((centroid - about).T, flux) / flux.sum())
 
 
 def _hidden(polyhedron: Polyhedron, triangles: Array) -> Bools:

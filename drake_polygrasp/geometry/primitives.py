@@ -6,6 +6,7 @@ those of the true surface. Each solid G is centred at Go, its axis of revolution
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.triangles import unit_normals
+from drake_polygrasp.vectors import circle, times
 
 _SIDES = 18
 """Ours: facets of 20 degrees lean from the surface by 10, less than most friction angles."""
@@ -42,7 +44,7 @@ class Primitive:
 
     def project(self, p_B: Array) -> tuple[Array, Array]:
         """Points of the curved surface near points p_B [m], and outward normals there; (M, 3)."""
-        p_G = (p_B - self.p_BG) @ self.R_BG
+        p_G = times(p_B - self.p_BG, self.R_BG)
         if self.kind == "ellipsoid":
             p_G = p_G / np.linalg.norm(p_G / self.radii, axis=1, keepdims=True)
             nhat_G = p_G / self.radii**2
@@ -52,19 +54,22 @@ class Primitive:
             nhat_G = p_G - axis
             nhat_G /= np.linalg.norm(nhat_G, axis=1, keepdims=True)
             p_G = axis + self.radii[0] * nhat_G
-        return self.p_BG + p_G @ self.R_BG.T, nhat_G @ self.R_BG.T
+        return self.p_BG + times(p_G, self.R_BG.T), times(nhat_G, self.R_BG.T)
 
     def distance(self, p_B: Array) -> Array:
         """Signed distance of points p_B (M, 3) [m], negative inside, (M,).
 
         Inside ellipsoids only the sign is meant.
         """
-        p_G = (p_B - self.p_BG) @ self.R_BG
+        p_G = times(p_B - self.p_BG, self.R_BG)
         if self.kind == "ellipsoid":
             return self._distance_from_ellipsoid(p_G)
         if self.kind == "capsule":
             return np.asarray(np.linalg.norm(p_G - self._axis_point(p_G), axis=1) - self.radii[0])
-        beyond = np.stack([np.hypot(p_G[:, 0], p_G[:, 1]), np.abs(p_G[:, 2])], 1) - self.radii[1:]
+        beyond = (
+            np.stack([np.sqrt(p_G[:, 0] ** 2 + p_G[:, 1] ** 2), np.abs(p_G[:, 2])], 1)
+            - self.radii[1:]
+        )
         outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0))
 
@@ -72,13 +77,13 @@ class Primitive:
         """Whether points p_B (M, 3) [m] are within `tolerance` [m] of the curved surface, (M,)."""
         near = np.linalg.norm(self.project(p_B)[0] - p_B, axis=1) <= tolerance
         if self.kind == "cylinder":
-            z = (p_B - self.p_BG) @ self.R_BG[:, 2]
+            z = times(p_B - self.p_BG, self.R_BG[:, 2])
             near &= np.abs(z) <= self.radii[2] + tolerance
         return np.asarray(near)
 
     def is_curved(self, nhat_B: Array) -> Bools:
         """Which facets with normals (T, 3) stand for curved surface, not a cylinder's ends."""
-        along = np.abs(nhat_B @ self.R_BG[:, 2])
+        along = np.abs(times(nhat_B, self.R_BG[:, 2]))
         return np.asarray((self.kind != "cylinder") | (along < np.sqrt(0.5)))
 
     def farthest(self, p_B: Array) -> float:
@@ -86,7 +91,7 @@ class Primitive:
 
         By climbing: the point of the solid farthest along the last direction is farther away.
         """
-        p_G = (p_B - self.p_BG) @ self.R_BG
+        p_G = times(p_B - self.p_BG, self.R_BG)
         start = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)]) - 1.0
         direction = start / np.linalg.norm(start, axis=1, keepdims=True)
         for _ in range(_ROUNDS):
@@ -134,24 +139,24 @@ def tessellation(primitive: Primitive) -> Array:
     In B [m], shape (T, 3, 3), counter-clockwise from outside. Facets are planar: they are
     trapezoids between circles of latitude, and discs at the poles, so that none is a needle.
     """
-    step = 2 * np.pi / _SIDES
+    step = 2 * math.pi / _SIDES
     radius, (a, b, c) = np.ones(1), primitive.radii
     if primitive.kind == "cylinder":
         radius, z, scale = np.ones(2), np.array([-c, c]), np.array([a, a, 1])
     else:
         latitude = np.arange(step / 2, np.pi, step)
-        radius, z, scale = np.sin(latitude), -np.cos(latitude), np.array([a, b, c])
+        down, radius = circle(latitude).T
+        z, scale = -down, np.array([a, b, c])
         if primitive.kind == "capsule":
             latitude = np.append(np.arange(step / 2, np.pi / 2, step), np.pi / 2)
-            radius, z = np.sin(latitude), -np.cos(latitude) * a - c
+            down, radius = circle(latitude).T
+            z = -down * a - c
             radius, z = np.append(radius, radius[::-1]), np.append(z, -z[::-1])
             scale = np.array([a, a, 1])
-    turn = step * np.arange(_SIDES)
     rings = np.empty((len(z), _SIDES, 3))
-    rings[..., 0] = radius[:, None] * np.cos(turn)
-    rings[..., 1] = radius[:, None] * np.sin(turn)
+    rings[..., :2] = radius[:, None, None] * circle(step * np.arange(_SIDES))
     rings[..., 2] = z[:, None]
-    rings = primitive.p_BG + (rings * scale) @ primitive.R_BG.T
+    rings = primitive.p_BG + times(rings * scale, primitive.R_BG.T)
     after = np.roll(rings, -1, axis=1)
     low, high, low_after, high_after = rings[:-1], rings[1:], after[:-1], after[1:]
     first = np.repeat(rings[[0, -1], :1], _SIDES - 2, axis=1)
@@ -167,4 +172,4 @@ def sagitta(primitive: Primitive, triangles: Array) -> float:
     edges = (triangles + np.roll(triangles, -1, axis=1)) / 2
     inner = np.concatenate([edges.reshape(-1, 3), triangles.reshape(-1, 3).mean(0, keepdims=True)])
     surface, _ = primitive.project(inner)
-    return float(((surface - triangles[0, 0]) @ nhat[0]).max())
+    return float(times(surface - triangles[0, 0], nhat[0]).max())

@@ -24,7 +24,7 @@ from drake_polygrasp.geometry.polyhedron import (
     Polyhedron,
 )
 from drake_polygrasp.geometry.triangles import unit_normals
-from drake_polygrasp.vectors import dot
+from drake_polygrasp.vectors import dot, product, times, transformed
 
 CRACK = 1e-3
 """Times L, ours: gaps narrower than this are closed to any finger, even a point."""
@@ -102,7 +102,7 @@ def _outermost(
     """
     L, Fz = polyhedron.diameter, planes.R_BF[:, :, 2]
     triangles, nhat = polyhedron.triangles_B[t], unit_normals(polyhedron.triangles_B[t])[0]
-    xyz = (triangles - planes.p_BF[i, None]) @ planes.R_BF[i]
+    xyz = product(triangles - planes.p_BF[i, None], planes.R_BF[i])
     keep = _is_flat(xyz[..., 2], dot(nhat, Fz[i]), L)
     beside = _beside(_Planes(planes.R_BF[i[keep]], planes.p_BF[i[keep]]), p_BC[i[keep]])
     keep[keep] = shapely.dwithin(
@@ -198,7 +198,7 @@ def _planes(polyhedron: Polyhedron, face: Ints) -> _Planes:
 
 def _beside(planes: _Planes, p_BC: Array) -> Array:
     """Points, one for each plane, seen along its normal [m], shape (M, 2)."""
-    return np.asarray(((p_BC - planes.p_BF)[:, None] @ planes.R_BF[:, :, :2])[:, 0])
+    return transformed(planes.R_BF[:, :, :2].swapaxes(1, 2), p_BC - planes.p_BF)
 
 
 def _flat_pairs(
@@ -209,7 +209,7 @@ def _flat_pairs(
     found = [(none, none)]
     for rows in batches(len(face), _PAIRS_AT_ONCE // max(1, len(triangles))):
         planes = _planes(polyhedron, face[rows])
-        cosine = planes.R_BF[:, :, 2] @ nhat.T
+        cosine = times(planes.R_BF[:, :, 2], nhat.T)
         k, t = np.nonzero(cosine >= _STEEPEST)
         height = dot(triangles[t] - planes.p_BF[k, None], planes.R_BF[k, None, :, 2])
         flat = _is_flat(height, cosine[k, t], polyhedron.diameter)
@@ -240,7 +240,7 @@ def edge_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
         distance[is_patch] = level_distance(polyhedron, p_BC[is_patch], face[is_patch])
     for k in np.unique(face[~is_patch]):
         rows, on = np.flatnonzero(face == k), polyhedron.faces[k]
-        points = shapely.points((p_BC[rows] - on.p_BF) @ on.R_BF[:, :2])
+        points = shapely.points(times(p_BC[rows] - on.p_BF, on.R_BF[:, :2]))
         to_edges = shapely.distance(shapely.boundary(on.polygon_F), points)
         distance[rows] = np.where(shapely.intersects(on.polygon_F, points), to_edges, 0)
     return distance

@@ -17,6 +17,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE
+from drake_polygrasp.vectors import times
 
 Polygons = npt.NDArray[np.object_]
 
@@ -72,8 +73,8 @@ def covered(mesh: Mesh, plane: Plane, shells: Ints, L: float) -> Polygons:
     what it covers at the height of a crack counts too.
     """
     corners = mesh.corners[np.isin(mesh.shell, shells)]
-    xy = mesh.vertices @ plane.R_BF[:, :2]
-    height = mesh.vertices @ plane.R_BF[:, 2] - plane.offset
+    xy = times(mesh.vertices, plane.R_BF[:, :2])
+    height = times(mesh.vertices, plane.R_BF[:, 2]) - plane.offset
     on_plane = np.where(np.abs(height) <= FLATNESS * L, 0, height)
     areas = _section(corners, on_plane, xy, L)
     almost = np.abs(height[corners])

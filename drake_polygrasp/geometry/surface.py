@@ -32,6 +32,7 @@ from drake_polygrasp.geometry.sections import (
 from drake_polygrasp.geometry.shells import oriented_shells, weld, without_doubles
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import diameter, face_frame, unit_normals
+from drake_polygrasp.vectors import dot, times
 
 _JUST_OUTSIDE = 1e-5
 """Times L, ours: where to look whether a facet is covered."""
@@ -149,7 +150,7 @@ def _is_sealed(face: Face, cavities: Cavities) -> bool:
     """Whether all of a face is in a cavity; in parts of others, contacts find no seat."""
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(face.polygon_F))
     xy = shapely.get_coordinates(shapely.centroid(pieces))
-    p_BC = face.p_BF + xy @ face.R_BF[:, :2].T
+    p_BC = face.p_BF + times(xy, face.R_BF[:, :2].T)
     return bool(cavities.sealed_at(p_BC, np.tile(face.nhat_TB_B, (len(p_BC), 1))).all())
 
 
@@ -210,15 +211,15 @@ def _planes(triangles: Array, curve: Ints, among: Bools, L: float) -> list[Plane
     for seed in np.argsort(-area, kind="stable"):
         if not alive[seed]:
             continue
-        level = corner[seed] @ nhat[seed]
+        level = dot(corner[seed], nhat[seed])
         near = alive & (curve == curve[seed])
-        near = np.flatnonzero(near & (np.abs(corner @ nhat[seed] - level) <= FLATNESS * L))
-        flat = np.abs(triangles[near] @ nhat[seed] - level).max(axis=1) <= FLATNESS * L
-        joined = near[(flat & (nhat[near] @ nhat[seed] > 0)) | (near == seed)]
+        near = np.flatnonzero(near & (np.abs(times(corner, nhat[seed]) - level) <= FLATNESS * L))
+        flat = np.abs(times(triangles[near], nhat[seed]) - level).max(axis=1) <= FLATNESS * L
+        joined = near[(flat & (dot(nhat[near], nhat[seed]) > 0)) | (near == seed)]
         alive[joined] = False
         weight = area[joined] / area[joined].sum()
-        R_BF = face_frame(weight @ nhat[joined])
-        offset = float(weight @ triangles[joined].mean(axis=1) @ R_BF[:, 2])
+        R_BF = face_frame(times(nhat[joined].T, weight))
+        offset = float(dot(times(triangles[joined].mean(axis=1).T, weight), R_BF[:, 2]))
         planes.append(Plane(R_BF, offset, joined))
     return planes
 
@@ -226,7 +227,7 @@ def _planes(triangles: Array, curve: Ints, among: Bools, L: float) -> list[Plane
 def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
     """The faces on one plane, in order of friction."""
     corners, mu = mesh.corners[plane.triangles], mesh.mu[plane.triangles]
-    xy = mesh.vertices @ plane.R_BF[:, :2]
+    xy = times(mesh.vertices, plane.R_BF[:, :2])
     pieces = shapely.polygons(xy[corners])
     near = _shells_near(mesh, mesh.vertices[corners].reshape(-1, 3), FLATNESS * L)
     alone = len(near) == 1 and mesh.simple[near[0]]
@@ -294,7 +295,7 @@ def _largest_overlap(mesh: Mesh, plane: Plane, faces: list[Face], first: int) ->
     """The face, numbered from `first`, that shares most area with each triangle of the plane."""
     if not faces or len(plane.triangles) == 1:
         return np.full(len(plane.triangles), first if faces else -1, dtype=np.int64)
-    xy = mesh.vertices @ plane.R_BF[:, :2]
+    xy = times(mesh.vertices, plane.R_BF[:, :2])
     triangles = shapely.polygons(xy[mesh.corners[plane.triangles]])
     polygons = np.array([face.polygon_F for face in faces], dtype=object)
     shared = np.zeros((len(triangles), len(polygons)))

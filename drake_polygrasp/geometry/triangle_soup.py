@@ -16,6 +16,7 @@ import shapely
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.geometry.needles import along_needles, bounding_boxes
 from drake_polygrasp.geometry.triangles import point_triangle_distance
+from drake_polygrasp.vectors import times
 
 _POINTS_AT_ONCE = 1 << 12
 """Ours: so few calls that what each costs does not count."""
@@ -53,13 +54,13 @@ class TriangleSoup:
     @cached_property
     def _boxes(self) -> _Boxes:
         turn = along_needles(self.triangles)
-        low, high, triangle = bounding_boxes(self.triangles @ turn)
+        low, high, triangle = bounding_boxes(times(self.triangles, turn))
         sides = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
         return _Boxes(turn, low, high, triangle, shapely.STRtree(sides))
 
     @cached_property
     def _along_ray(self) -> TriangleSoup:
-        return TriangleSoup(self.triangles @ _RAY)
+        return TriangleSoup(times(self.triangles, _RAY))
 
     def __reduce__(self) -> tuple[type[TriangleSoup], tuple[Array]]:
         """Trees are not pickled."""
@@ -75,7 +76,7 @@ class TriangleSoup:
         if not len(self.triangles) or not len(points):
             return winding.astype(np.int64)
         # Along no axis, where the walls of made things would hold the whole ray.
-        along, points = self._along_ray, points @ _RAY
+        along, points = self._along_ray, times(points, _RAY)
         for i, t in along._pairs(points, 0.0, above=np.inf):
             around = _turns(points[i, :2], along.triangles[t, :, :2]) != 0
             i, t = _without_copies(i[around], t[around])
@@ -123,7 +124,7 @@ class TriangleSoup:
     ) -> Iterator[tuple[Ints, Ints]]:
         """What `near` says, within another reach along z for what is above a point."""
         turn, low, high, owner, tree = self._boxes
-        points = points @ turn
+        points = times(points, turn)
         size = int(np.clip(_HITS_AT_ONCE // max(1, len(owner)), 1, _POINTS_AT_ONCE))
         for rows in batches(len(points), size):
             x, y, z = points[rows].T

@@ -47,7 +47,7 @@ def face_frame(normal: Array) -> Array:
     """
     Fz = tidy(normal)
     axis = np.eye(3)[np.argmin(np.round(np.abs(Fz), 9))]
-    Fx = tidy(axis - Fz * (axis @ Fz))
+    Fx = tidy(axis - Fz * dot(axis, Fz))
     return np.stack([Fx, tidy(np.cross(Fz, Fx)), Fz], axis=1)
 
 

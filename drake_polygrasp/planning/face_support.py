@@ -13,7 +13,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.vectors import cross
+from drake_polygrasp.vectors import cross, product, transformed
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,8 @@ def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: fl
     R_FB = regions.R_BF[region].swapaxes(-1, -2)
     v, omega = w[..., :3], w[..., 3:]
     v = v + cross(omega, (regions.p_BF[region] - p_BBcm)[..., None, :] / rho)
-    v_F, w_F = R_FB @ v.swapaxes(-1, -2), R_FB @ (omega / rho).swapaxes(-1, -2)
+    v_F = product(R_FB, v.swapaxes(-1, -2))
+    w_F = product(R_FB, (omega / rho).swapaxes(-1, -2))
     return FaceTwists(v_F, w_F, regions.mu[region])
 
 
@@ -55,13 +56,11 @@ def contacts_on(regions: Regions, region: Ints, p_BC: Array) -> tuple[Array, Arr
 
 def points_on(regions: Regions, region: Ints, p_FC: Array) -> Array:
     """p_BC [m] of points of regions in their faces' frames, (..., 2) to (..., 3)."""
-    axes = regions.R_BF[region][..., :2]
-    p_BC: Array = regions.p_BF[region] + (axes @ p_FC[..., None])[..., 0]
+    p_BC: Array = regions.p_BF[region] + transformed(regions.R_BF[region][..., :2], p_FC)
     return p_BC
 
 
 def points_in_faces(regions: Regions, region: Ints, p_BC: Array) -> Array:
     """Coordinates in their faces' frames of points of regions [m], (..., 3) to (..., 2)."""
     axes = np.swapaxes(regions.R_BF[region][..., :2], -1, -2)
-    p_FC: Array = (axes @ (p_BC - regions.p_BF[region])[..., None])[..., 0]
-    return p_FC
+    return transformed(axes, p_BC - regions.p_BF[region])

@@ -19,7 +19,7 @@ from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, extents, gather
 from drake_polygrasp.planning.position import Opposed, PlaneDirections, hull_of
 from drake_polygrasp.planning.strips import hulls_in_strips
-from drake_polygrasp.vectors import cross, dot, unit
+from drake_polygrasp.vectors import circle, cross, dot, transformed, unit
 
 INSET = 0.02
 """Part of R^s that the plane keeps from its ends, ours: faces are eroded already."""
@@ -74,10 +74,10 @@ def _plane(
     axes = np.stack([cross(along, N), N], axis=1)
     index, flat = gather(edges.offsets, region.ravel())
     row = flat // 3
-    points = (axes[row] @ edges.tail[index, :, None])[..., 0]
+    points = transformed(axes[row], edges.tail[index])
     hull = shapely.convex_hull(shapely.linestrings(points, indices=row))
     area_s, centroid = hulls_in_strips(hull, low, high)
-    cm = axes @ scale.p_BBcm
+    cm = dot(axes, scale.p_BBcm)
     height, slack = cm[:, 1], scale.length_slack
     holds_cm = (height >= low - slack) & (height <= high + slack)
     holds_cm &= shapely.distance(hull, shapely.points(cm)) <= slack
@@ -196,11 +196,9 @@ def fan_directions(hull: Shapes) -> Array:
     order = np.lexsort((np.arange(len(owner)), -np.round(length / length.max(initial=0), 9), owner))
     first = order[np.searchsorted(owner[order], np.arange(len(hull)))]
     edge = unit(head - tail)[first]
-    angle = np.pi / FAN * np.arange(FAN)
     across = np.column_stack([-edge[:, 1], edge[:, 0]])
-    turned: Array = (
-        np.cos(angle)[:, None] * edge[:, None, :] + np.sin(angle)[:, None] * across[:, None, :]
-    )
+    cosine, sine = circle(np.pi / FAN * np.arange(FAN)).T[..., None]
+    turned: Array = cosine * edge[:, None, :] + sine * across[:, None, :]
     return turned
 
 

@@ -20,6 +20,7 @@ from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.epsilon_estimate import radii_of_lines
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces, points_on
 from drake_polygrasp.planning.planar import Shapes, nearest_points
+from drake_polygrasp.vectors import circle, product
 
 MOVES = 15
 """Of each contact in a round, beside staying where it is, ours."""
@@ -110,7 +111,7 @@ def _most_promising(radii: Array, slopes: Array, places: Array, moves: Array) ->
     num, K = moves.shape[:2]
     # What moves of each contact add to radii, by contact (M, NUM_RADII, K).
     moves = moves.astype(slopes.dtype).transpose(2, 0, 3, 1)
-    first, second, third = slopes.transpose(1, 0, 3, 2) @ moves
+    first, second, third = product(slopes.transpose(1, 0, 3, 2), moves)
     first += radii[..., None]
     best = np.empty(num, dtype=np.int64)
     for start in range(0, num, _AT_ONCE):
@@ -135,5 +136,5 @@ def _nearest_inside(polygons: Shapes, points: Array) -> Array:
 def _spiral(number: int) -> Array:
     """Moves of all lengths and directions, other ones each round, the longest 1, (MOVES, 2)."""
     turn = _GOLDEN_ANGLE * (MOVES * number + np.arange(MOVES))
-    length = SPAN ** -np.linspace(0.0, 1.0, MOVES)
-    return frozen(length[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
+    length = np.round(SPAN ** -np.linspace(0.0, 1.0, MOVES), 14)
+    return frozen(length[:, None] * circle(turn))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, SAME_NORMAL
 from drake_polygrasp.vectors import cross, dot, unit
 
@@ -49,8 +50,7 @@ def friction_angle(mu: Array) -> Array:
     Selection only filters, so it takes the most favourable cone; the certificate takes each
     contact's own.
     """
-    alpha: Array = np.arctan(mu.max(axis=1))
-    return alpha
+    return to_decimals(np.arctan(mu.max(axis=1)))
 
 
 def least_ball_centre(tips: Array) -> Array:
@@ -69,7 +69,7 @@ def least_ball_centre(tips: Array) -> Array:
     two = np.where(np.arange(3) == longest[..., None], 0.0, 0.5)
     total = np.where(by_edge, 1.0, weight.sum(axis=-1))
     weight = np.where(by_edge[..., None], two, weight / total[..., None])
-    centre: Array = (weight[..., None, :] @ tips)[..., 0, :]
+    centre: Array = (weight[..., None] * tips).sum(axis=-2)
     return centre
 
 
@@ -169,7 +169,7 @@ def classify(nhat: Array, alpha: Array) -> Parallel:
     axis = unit(least_ball_centre(flipped))
     sine = cross(axis[:, :, None], flipped)
     cosine = dot(axis[:, :, None], flipped)
-    radius = np.arctan2(np.sqrt(dot(sine, sine)), cosine).max(axis=-1)
+    radius = to_decimals(np.arctan2(np.sqrt(dot(sine, sine)), cosine)).max(axis=-1)
     radius = np.where(is_closest[rows], radius, np.inf)
     opposing = np.argmax(radius <= radius.min(axis=1, keepdims=True) + ANGLE_TOLERANCE, axis=1)
     every = np.arange(len(rows))

@@ -75,7 +75,7 @@ def boundary(regions: Regions) -> Boundary:
 
 def orthonormal_pair(nhat: Array) -> tuple[Array, Array]:
     """Unit vectors u, v with u x v = nhat, each of shape (K, 3)."""
-    least = np.eye(3)[np.argmin(np.abs(nhat), axis=-1)]
+    least = np.eye(3)[np.argmin(np.round(np.abs(nhat), 9), axis=-1)]
     u = unit(cross(least, nhat))
     return u, cross(nhat, u)
 

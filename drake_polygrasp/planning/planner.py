@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.contact_points import HALF, nonparallel_contacts, opposed_contacts
 from drake_polygrasp.planning.grasp_plane import (
@@ -190,7 +191,7 @@ class _Stages:
         regions, edges, scale = self.regions, self.edges, self.scale
         nhat = regions.nhat_TB_B[region]
         N, sine = sine_of_tips_plane(nhat)
-        phi = np.arcsin(sine)
+        phi = to_decimals(np.arcsin(sine))
         on = plane_directions(N, nhat)
         code[where] = CODE["rl_empty"]
         meets, low, high = region_rl(edges, region, on, scale.length_slack)
@@ -241,7 +242,10 @@ class _Stages:
         cut = cut_parallel(regions, edges, planes, scale)
 
         nhat = regions.nhat_TB_B[cut.region]
-        phi = np.arcsin(sine_of_parallel(nhat)) if self.method == "paper" else radius[cut.owner]
+        if self.method == "paper":
+            phi = to_decimals(np.arcsin(sine_of_parallel(nhat)))
+        else:
+            phi = radius[cut.owner]
         q_4 = q_orientation(phi, alpha[cut.owner])
         q_5 = q_directions(nhat, cut.nhat_B, parallel=True)
         return self._opposed_contacts(cut, q_4, q_5, code, where, first)
@@ -266,7 +270,7 @@ class _Stages:
         cut = cut_two_faces(
             regions, edges, planes, sets, rows.widest[kept], rows.pocket[kept], scale
         )
-        phi = np.arcsin(sine_of_pair(regions.nhat_TB_B[cut.region[:, :2]]))
+        phi = to_decimals(np.arcsin(sine_of_pair(regions.nhat_TB_B[cut.region[:, :2]])))
         q_4 = q_orientation(phi, alpha[where[cut.owner]])
         found = self._opposed_contacts(cut, q_4, np.ones_like(q_4), code, where, first)
         return code, [found]

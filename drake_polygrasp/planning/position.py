@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.planar import (
     Boundary,
@@ -25,7 +26,7 @@ from drake_polygrasp.planning.planar import (
     row_extremes,
 )
 from drake_polygrasp.planning.strips import area_and_centroid, strips_meet, strips_polygon
-from drake_polygrasp.vectors import cross, dot, unit
+from drake_polygrasp.vectors import cross, dot, product, transformed, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +59,9 @@ class PlaneDirections:
             Areas (M,), and the centroids as vectors within the plane through B's origin, (M, 3).
         """
         axes = np.stack([self.that[:, 0], cross(self.nhat_B, self.that[:, 0])], axis=1)
-        that_2 = self.that @ axes.swapaxes(1, 2)
+        that_2 = product(self.that, axes.swapaxes(1, 2))
         area, centroid = area_and_centroid(strips_polygon(that_2, self.turn, low, high))
-        return area, (centroid[:, None] @ axes)[:, 0]
+        return area, transformed(axes.swapaxes(1, 2), centroid)
 
 
 def plane_directions(N: Array, nhat: Array) -> PlaneDirections:
@@ -121,7 +122,7 @@ def portion_heights(
         on.that.reshape(-1, 3),
         on.nprime.reshape(-1, 3),
         apex[rows],
-        np.tan(gamma)[rows],
+        to_decimals(np.tan(gamma))[rows],
     )
     return low.reshape(-1, 3), high.reshape(-1, 3)
 

@@ -20,7 +20,7 @@ from drake_polygrasp.planning.planar import Boundary, Scale, Section, Shapes, ou
 from drake_polygrasp.planning.position import Opposed, PlaneDirections
 from drake_polygrasp.planning.strips import hulls_in_strips, strips_meet
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP
-from drake_polygrasp.vectors import cross, dot
+from drake_polygrasp.vectors import cross, dot, product
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +122,7 @@ def _cut(
     p_Bc: Array,
     scale: Scale,
 ) -> Cut:
-    depth = planes.nhat_B @ scale.p_BBcm - height
+    depth = dot(planes.nhat_B, scale.p_BBcm) - height
     from_cm = p_Bc - scale.p_BBcm + depth[:, None] * planes.nhat_B
     return Cut(
         planes.owner,
@@ -316,6 +316,6 @@ def segment_hulls(segments: Section, x_axis: Array, y_axis: Array) -> Shapes:
     points = segments.p_BS[:, :, None] + ends[..., None] * segments.slope_B[:, :, None]
     axes = np.stack([x_axis, y_axis], axis=2)
     hulls: Shapes = shapely.convex_hull(
-        shapely.linestrings(points.reshape(-1, 6, 3) @ axes, handle_nan="skip")
+        shapely.linestrings(product(points.reshape(-1, 6, 3), axes), handle_nan="skip")
     )
     return hulls

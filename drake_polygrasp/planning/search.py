@@ -19,7 +19,7 @@ from drake_polygrasp.geometry.polyhedron import Regions
 from drake_polygrasp.planning.effort import FULL, Effort
 from drake_polygrasp.planning.face_support import contacts_on, points_on
 from drake_polygrasp.planning.set_cover import Singles, cover
-from drake_polygrasp.vectors import unit
+from drake_polygrasp.vectors import times, unit
 from drake_polygrasp.wrench import force_closure, frame_wrenches
 
 MANY_POINTS = 160
@@ -28,6 +28,8 @@ SHELLS = (2, 4, 6)
 """Squared lengths of directions, ours: 312, and 544 more, which are worth it with many points."""
 LEVEL = 1e-9
 """Ours, times the greatest: what wrenches reach less far than this, they do not reach."""
+GUIDING_DIGITS = 9
+"""Decimals of directions, ours: they only guide the search, in single precision."""
 ENOUGH = 0.3
 """Times what is kept, ours: triples that hold, before passes end."""
 MOST_PASSES = 5
@@ -111,10 +113,12 @@ def spread_directions(cones: Array, shells: tuple[int, ...] = SHELLS) -> Array:
     critical ones.
     """
     wrenches = cones.reshape(-1, 6)
-    square, axes = np.linalg.eigh(wrenches.T @ wrenches)
+    square, axes = np.linalg.eigh(times(wrenches.T, wrenches))
     reach = np.sqrt(np.maximum(square, LEVEL**2 * square[-1]))
     # The symmetric root, which does not depend on which axes are chosen where several would do.
-    return unit(_even_directions(shells) @ (axes / reach) @ axes.T)
+    directions = unit(times(times(_even_directions(shells), axes / reach), axes.T))
+    # Eigenvectors come from LAPACK, whose last bits depend on the processor.
+    return np.asarray(np.round(directions, GUIDING_DIGITS))
 
 
 @cache
@@ -154,7 +158,8 @@ def cone_support(cones: Array, w: Array) -> Singles:
 
     In single precision, for it only guides the search and there is much of it.
     """
-    n, t_1, t_2 = cones.transpose(1, 0, 2).astype(np.float32) @ w.T.astype(np.float32)
+    rows, columns = cones.astype(np.float32), np.ascontiguousarray(w.T, dtype=np.float32)
+    n, t_1, t_2 = np.einsum("ncd,dk->cnk", rows, columns)
     h: Singles = n + np.sqrt(t_1 * t_1 + t_2 * t_2)
     return h
 

@@ -17,6 +17,7 @@ from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions
 from drake_polygrasp.geometry.seating import least_tip
 from drake_polygrasp.planning.planar import Shapes
+from drake_polygrasp.vectors import times, transformed
 
 _FLAT = 4 * FLATNESS
 """Times L: what rises less belongs to the face."""
@@ -60,12 +61,12 @@ def _beside(regions: Regions, triangles_B: Array, lowest: Array, tip_radius: flo
     least_B, most_B = triangles_B.min(axis=1), triangles_B.max(axis=1)
     boxes_F = _room(polygons, lowest, tip_radius)
     middle_F, half_F = boxes_F.mean(axis=1), np.abs(boxes_F[:, 1] - boxes_F[:, 0]) / 2
-    middle_B = regions.p_BF + (regions.R_BF @ middle_F[..., None])[..., 0]
-    half_B = (np.abs(regions.R_BF) @ half_F[..., None])[..., 0]
+    middle_B = regions.p_BF + transformed(regions.R_BF, middle_F)
+    half_B = transformed(np.abs(regions.R_BF), half_F)
     rising = []
     for k, box_F in enumerate(boxes_F):
         near = (least_B <= middle_B[k] + half_B[k]) & (most_B >= middle_B[k] - half_B[k])
-        triangles_F = (triangles_B[near.all(axis=1)] - regions.p_BF[k]) @ regions.R_BF[k]
+        triangles_F = times(triangles_B[near.all(axis=1)] - regions.p_BF[k], regions.R_BF[k])
         inside = (triangles_F.max(axis=1) > box_F[0]) & (triangles_F.min(axis=1) < box_F[1])
         rising.append(triangles_F[inside.all(axis=1)])
     owner = np.repeat(np.arange(len(rising)), [len(triangles_F) for triangles_F in rising])

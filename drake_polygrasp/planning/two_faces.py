@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE
 from drake_polygrasp.planning.grasp_plane import (
     TIE,
@@ -99,7 +100,7 @@ def _longest_edges(shapes: Shapes, scale: Scale) -> tuple[Ints, Array]:
     best = grouped_ties(length, owner, len(shapes), TIE * scale.diameter)
     edge, owner = edge[best], owner[best]
     turned = edge * np.where((edge[:, 1:] < 0) | ((edge[:, 1:] == 0) & (edge[:, :1] < 0)), -1, 1)
-    angle = np.arctan2(turned[:, 1], turned[:, 0])
+    angle = to_decimals(np.arctan2(turned[:, 1], turned[:, 0]))
     angle = np.where(angle > np.pi - ANGLE_TOLERANCE, 0.0, angle)
     order = np.lexsort((angle, owner))
     angle, owner, edge = angle[order], owner[order], edge[order]
@@ -159,7 +160,7 @@ def _height_in_overlap(sets: Opposed, overlap: Shapes, to_height: Array, scale: 
     Returns:
         N . p [m], shape (M,); NaN where L_c misses A_12.
     """
-    cm = np.stack([sets.u @ scale.p_BBcm, sets.v @ scale.p_BBcm], axis=1)
+    cm = np.stack([dot(sets.u, scale.p_BBcm), dot(sets.v, scale.p_BBcm)], axis=1)
     centroid = centroids(overlap)
     has_cm = shapely.distance(overlap, shapely.points(cm)) <= scale.length_slack
     has_centroid = shapely.distance(overlap, shapely.points(centroid)) <= scale.length_slack
