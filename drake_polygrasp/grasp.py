@@ -17,6 +17,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 
 if TYPE_CHECKING:
@@ -67,6 +68,8 @@ class GraspObject:
     source: ModelSource | None = None
     warnings: tuple[str, ...] = ()
     """What was assumed or changed on loading, one sentence each."""
+    body: BodyIdentity | None = None
+    """What tells it from other bodies, for obstacles; None where that is not known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from drake_polygrasp.arguments import check_choice, check_instance, check_length
 from drake_polygrasp.arrays import Ints
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.body_identity import check_same_body
 from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import (
@@ -128,6 +129,7 @@ def make_task(
         tip_radius = check_length("tip_radius", tip_radius)
     if obstacles is not None:
         check_instance("obstacles", obstacles, Obstacles, "as obstacles_from_plant returns them")
+        check_same_body("obstacles", obstacles.body, object_.body)
     L = object_.polyhedron.diameter
     tip = TIP_RADIUS * L if tip_radius is None else tip_radius
     settings: dict[str, Any] = {

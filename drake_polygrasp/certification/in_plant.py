@@ -29,6 +29,7 @@ from drake_polygrasp.certification.holding import Holding, hold
 from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval, squeeze_force
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.body_identity import check_same_body
 from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, Verdict, grasp_of
 from drake_polygrasp.loading.object_model import Solid
 from drake_polygrasp.loading.surroundings import Surroundings
@@ -93,7 +94,8 @@ def certify_in_plant(
         meshcat: the caller's own, where a recording of the simulation is published.
 
     Raises:
-        UsageError: when nothing says how large the fingertips are, or the grasp is none.
+        UsageError: when nothing says how large the fingertips are, the grasp is none, or the
+            surroundings are another body's.
         ModelError: when the object came from no file, or the file cannot be read again.
     """
     check_instance("object_", object_, GraspObject, "as load_object returns it")
@@ -103,6 +105,7 @@ def certify_in_plant(
     package_paths = check_paths("package_paths", package_paths)
     if surroundings is not None:
         check_instance("surroundings", surroundings, Surroundings)
+        check_same_body("surroundings", surroundings.body, object_.body)
     if meshcat is not None:
         check_instance("meshcat", meshcat, Meshcat)
     if internal_force is None and not isinstance(grasp, Grasp):

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools
+from drake_polygrasp.arguments import check_instance
+from drake_polygrasp.arrays import Array, Bools, frozen
+from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.geometry.primitives import Primitive, tessellation
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 
 if TYPE_CHECKING:
     from pydrake.math import RigidTransform
+
+
+_SAME_POSE = 1e-9
+"""Ours: what entries of rotations, and positions in metres, may differ by in one pose."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +40,49 @@ class Obstacles:
     """Curved solids, which have no triangles here."""
     reach: float
     """What is farther than this from the body's bounding box has been left out [m]."""
+    body: BodyIdentity | None = None
+    """Whose obstacles these are; None where that is not known."""
+
+    def joined(self, *others: Obstacles) -> Obstacles:
+        """Returns these obstacles with those of other plants or moments around the same body.
+
+        Args:
+            others: obstacles around the same body in the same pose. `a | b` joins two.
+
+        Raises:
+            UsageError: when they are of another body, or of one in another pose.
+        """
+        every = (self, *others)
+        for some in others:
+            check_instance(
+                "what is joined", some, Obstacles, "as obstacles_from_plant returns them"
+            )
+        bodies = [some.body for some in every if some.body is not None]
+        if not all(body.is_shape_of(bodies[0]) for body in bodies):
+            raise UsageError(
+                "obstacles cannot be joined: they are of different bodies, or of one body in "
+                "different frames"
+            )
+        poses = np.array([some.X_WB.GetAsMatrix34() for some in every])
+        if not (np.abs(poses - poses[0]) <= _SAME_POSE).all():
+            raise UsageError(
+                "obstacles cannot be joined: their body's poses X_WB differ; take all of them with "
+                "the body in one pose"
+            )
+        names = tuple(dict.fromkeys(name for body in bodies for name in body.names))
+        return Obstacles(
+            X_WB=self.X_WB,
+            names=tuple(dict.fromkeys(name for some in every for name in some.names)),
+            triangles_B=frozen(np.concatenate([some.triangles_B for some in every])),
+            closed=frozen(np.concatenate([some.closed for some in every]), bool),
+            primitives=tuple(solid for some in every for solid in some.primitives),
+            reach=min(some.reach for some in every),
+            body=replace(bodies[0], names=names) if bodies else None,
+        )
+
+    def __or__(self, other: Obstacles) -> Obstacles:
+        """Returns both together, as `joined` does."""
+        return self.joined(other)
 
     @property
     def surface_B(self) -> Array:

@@ -14,6 +14,7 @@ from drake_polygrasp.arguments import check_number
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.digits import on_grid, significant
 from drake_polygrasp.errors import ModelError
+from drake_polygrasp.geometry.body_identity import BodyIdentity, surface_lengths
 from drake_polygrasp.geometry.polyhedron import (
     FLATNESS,
     Polyhedron,
@@ -155,6 +156,11 @@ def _part(
     return part
 
 
+def identity_of(parts: Iterable[Part], names: tuple[str, ...] = ()) -> BodyIdentity:
+    """What tells a body of such parts from others."""
+    return BodyIdentity(surface_lengths(np.concatenate([p.triangles_B for p in parts])), names)
+
+
 def _surface(
     parts: Sequence[Part], where: str, patch_angle: float | None, patch_depth: float | None
 ) -> Polyhedron:
@@ -209,4 +215,5 @@ def object_of(
         rho=float(significant(np.array(rho))),
         source=source,
         warnings=tuple(dict.fromkeys(said)),
+        body=identity_of(parts),
     )

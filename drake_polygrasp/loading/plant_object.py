@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,6 +26,7 @@ from drake_polygrasp.loading.body_object import (
     collision_parts,
     covering_parts,
     describe_group,
+    identity_of,
     lesser_friction,
     mass_properties,
     object_of,
@@ -110,8 +112,9 @@ def object_from_plant(
         patch_angle,
         patch_depth,
     )
+    identity = identity_of(parts, (str(body.scoped_name()),))
     if model_file is None:
-        return live
+        return replace(live, body=identity)
     filed = load_object(
         model_file,
         body_name=body_name or body.name(),
@@ -124,7 +127,7 @@ def object_from_plant(
     )
     for difference in _differences(live, filed):
         raise ModelError(f"{where} is not what {model_file} has: {difference}")
-    return filed
+    return replace(filed, body=identity)
 
 
 def _friction(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,13 +15,15 @@ from pydrake.systems.framework import Context
 from drake_polygrasp.arguments import check_items, check_length
 from drake_polygrasp.arrays import Array, Bools, frozen
 from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE
 from drake_polygrasp.geometry.shells import oriented_shells, weld
 from drake_polygrasp.geometry.surface import Part
+from drake_polygrasp.loading.body_object import identity_of
 from drake_polygrasp.loading.live_plant import describe, find_body, query_of
 from drake_polygrasp.loading.parsed_model import blaming
-from drake_polygrasp.loading.rigid_group import find_group
+from drake_polygrasp.loading.rigid_group import Collider, find_group
 from drake_polygrasp.loading.shapes import part_of
 
 Ignored: TypeAlias = RigidBody | ModelInstanceIndex | GeometryId
@@ -88,7 +90,23 @@ def obstacles_from_plant(
         closed=frozen(closed, bool),
         primitives=tuple(p.primitive for p in parts.values() if p.primitive is not None),
         reach=reach,
+        body=live_identity(inspector, own, body),
     )
+
+
+def live_identity(
+    inspector: SceneGraphInspector, own: Sequence[Collider], body: RigidBody
+) -> BodyIdentity:
+    """What tells a body of a plant, of such collision geometries, from others.
+
+    Raises ModelError when these cannot be measured.
+    """
+    parts = []
+    for geometry, X_BG, _ in own:
+        with blaming(describe(body)):
+            part = part_of(inspector.GetShape(geometry), X_BG, mu=0.0)
+        parts += [] if part is None else [part]
+    return identity_of(parts, (str(body.scoped_name()),))
 
 
 def other_geometries(

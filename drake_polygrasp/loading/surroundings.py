@@ -7,7 +7,7 @@ shapes of the same bodies, so that the check shares nothing with the planner.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pydrake.geometry import Shape
@@ -18,11 +18,17 @@ from pydrake.systems.framework import Context, DiagramBuilder
 
 from drake_polygrasp.arguments import check_instance, check_path, check_paths
 from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.live_plant import find_body, query_of
 from drake_polygrasp.loading.parsed_model import ParsedModel, blaming, parse_model
 from drake_polygrasp.loading.plant_object import object_from_plant
-from drake_polygrasp.loading.plant_obstacles import Ignored, geometry_name, other_geometries
+from drake_polygrasp.loading.plant_obstacles import (
+    Ignored,
+    geometry_name,
+    live_identity,
+    other_geometries,
+)
 from drake_polygrasp.loading.rigid_group import find_group
 from drake_polygrasp.loading.shapes import mended
 
@@ -34,6 +40,9 @@ class Surroundings:
     parts: tuple[tuple[str, Shape, RigidTransform], ...]
     """Each collision geometry's name, shape and pose X_BG. The name is that of the body, or the
     geometry's own where that belongs to the world."""
+
+    body: BodyIdentity | None = None
+    """Whose surroundings these are; None where that is not known."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -77,7 +86,7 @@ def surroundings_from_plant(
         with blaming(f"obstacle '{name}'"):
             shape = mended(inspector.GetShape(geometry))
         parts.append((name, shape, X_BW @ query.GetPoseInWorld(geometry)))
-    return Surroundings(tuple(parts))
+    return Surroundings(tuple(parts), live_identity(inspector, colliders, body))
 
 
 def load_surroundings(
@@ -140,7 +149,8 @@ def load_surroundings(
         patch_depth=source.patch_depth,
         joints_free=source.joints_free,
     )
-    return surroundings_from_plant(plant, body, context)
+    # In the scene it may have another name.
+    return replace(surroundings_from_plant(plant, body, context), body=object_.body)
 
 
 def _parse_by_body(
