@@ -143,7 +143,7 @@ def _line(finding: Finding) -> str:
 
 def _kind(reason: str) -> str:
     """A reason without what is of one file only."""
-    text = re.sub(r"\S*/\S*|'[^']*'|-?\d+(\.\d+)?(e-?\d+)?", "*", reason)
+    text = re.sub(r"'[^']*'|\"[^\"]*\"|\S*/\S*|-?\d+(\.\d+)?(e-?\d+)?", "*", reason)
     return text[:120]
 
 
@@ -237,7 +237,7 @@ def drake_bodies(model_file: Path, copy: Path) -> list[DrakeBody]:
         plant, inspector = _parse(model_file)
         changed, changed_inspector = _parse(copy)
     except (Exception, SystemExit) as error:
-        raise ModelError(" ".join(str(error).split())[:200]) from error
+        raise ModelError(" ".join(str(error).split())) from error
     finally:
         logger.setLevel(level)
     context = plant.CreateDefaultContext()

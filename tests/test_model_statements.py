@@ -16,6 +16,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex
 
+from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.body_object import DEFAULT_MU
 from drake_polygrasp.loading.object_model import load_object
 
@@ -217,6 +218,9 @@ FILES: dict[str, dict[str, str]] = {
             body(geom(0, FRICTION + ' name="x"'), geom(1), geom(2, FRICTION + ' name="y"'))
         )
     },
+    "more than numbers in MJCF": {
+        "m.xml": mjcf(body(geom(0, FRICTION.replace("0 0", "torsion")), geom(1, 'friction="x"')))
+    },
     "MJCF defaults": {"m.xml": mjcf(body(geom(0), geom(1, 'class="other"')), default(FRICTION))},
     "a class of MJCF defaults": {
         "m.xml": mjcf(
@@ -352,6 +356,12 @@ MASSES: dict[str, tuple[str, str, float | None, list[float]]] = {
         [(0.1 * 0.2 + 0.5 * 2) / 2.2, 0, 0],
     ),
     "of MJCF's default density": ("m.xml", mjcf(body(geom(0.1))), 1.0, [0.1, 0, 0]),
+    "with a unit": (
+        "m.sdf",
+        sdf(model("m", link(collision(1), mass="<mass><!-- kg -->0.4 kg</mass>"))),
+        0.4,
+        [0] * 3,
+    ),
     "of 1 kg": ("m.sdf", sdf(model("m", link(collision(1), mass="<mass>1</mass>"))), 1.0, [0] * 3),
     "of none": ("m.sdf", sdf(model("m", link(collision(1), mass=""))), None, [1, 0, 0]),
     "of none in URDF": (
@@ -378,6 +388,12 @@ def test_a_mass_is_drake_s_or_none(name: str, tmp_path: Path) -> None:
     assert thing.mass == pytest.approx(mass)
     np.testing.assert_allclose(thing.p_BBcm, p_BBcm, atol=1e-12)
     assert any("states no mass" in warning for warning in thing.warnings) == (mass is None)
+
+
+def test_a_mass_that_drake_does_not_read_is_refused(tmp_path: Path) -> None:
+    text = urdf(urdf_box(0)).replace('<mass value="2"/>', "<mass>2</mass>")
+    with pytest.raises(ModelError, match="link 'link' has a mass that is not above 0"):
+        load_object(write(tmp_path, {"m.urdf": text}, "1"))
 
 
 def test_links_of_one_name_keep_their_own_mass(tmp_path: Path) -> None:

@@ -69,6 +69,7 @@ def test_a_named_folder_comes_before_all_that_are_found(tmp_path: Path) -> None:
     write_all(
         tmp_path,
         {
+            "package.xml": "<package><name>",
             "found/package.xml": PACKAGE.format("thing"),
             "found/model.sdf": model("package://thing/cube.obj"),
             "found/cube.obj": CUBE_OBJ,

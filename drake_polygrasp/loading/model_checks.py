@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -21,6 +22,7 @@ _SIZES = {
 }
 """The sizes of a collision geometry and how many numbers each has, the same in SDF and URDF."""
 
+_NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _NAMED = frozenset(
     ("robot", "mujoco", "model", "include", "link", "body", "collision", "geom", "joint")
 )
@@ -65,7 +67,7 @@ def _check_sizes(collision: Element, path: Path, *, urdf: bool) -> None:
         for element in collision.iter(shape):
             for name, count in sizes.items():
                 text = element.get(name) if urdf else element.findtext(name)
-                values = numbers(text)
+                values = _numbers(text)
                 if len(values) != count or not all(0 < x <= MAX_SIZE for x in values):
                     raise ModelError(
                         f"{path}: the {name} of a collision {shape} is {text!r}; write "
@@ -74,20 +76,26 @@ def _check_sizes(collision: Element, path: Path, *, urdf: bool) -> None:
                     )
 
 
-def check_mass(link: Element, path: Path) -> None:
+def check_mass(link: Element, path: Path, *, urdf: bool) -> None:
     """Raises ModelError for a mass of an SDF or URDF link that Drake would replace by its own."""
     mass = link.find("inertial/mass")
     if mass is None:
         return
-    values = numbers(mass.get("value") or mass.text)
-    if len(values) != 1 or not 0 < values[0] < math.inf:
+    value = first_number(mass.get("value") if urdf else mass.text)
+    if value is None or not 0 < value < math.inf:
         raise ModelError(
             f"{path}: link '{link.get('name')}' has a mass that is not above 0; state one that "
             "is, or none"
         )
 
 
-def numbers(text: str | None) -> list[float]:
+def first_number(text: str | None) -> float | None:
+    """Returns the number that a text begins with, as Drake reads it; what follows is no matter."""
+    number = _NUMBER.match(text or "")
+    return None if number is None else float(number[0])
+
+
+def _numbers(text: str | None) -> list[float]:
     """Returns the numbers of a text, a lone NaN when they are none."""
     try:
         return [float(word) for word in (text or "").split()]

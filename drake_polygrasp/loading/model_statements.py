@@ -7,7 +7,6 @@ these from values that a file states; the documents do.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -18,7 +17,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from drake_polygrasp.loading.mjcf_statements import collision_geoms, find_bodies
-from drake_polygrasp.loading.model_checks import check_mass, is_automatic, numbers
+from drake_polygrasp.loading.model_checks import check_mass, first_number, is_automatic
 from drake_polygrasp.loading.model_instances import Dialect, StatedModel, find_instances
 from drake_polygrasp.loading.model_source import ModelFiles
 from drake_polygrasp.loading.unread_friction import unread_in_link, unread_in_pairs
@@ -118,7 +117,7 @@ def _links(files: ModelFiles, plant: MultibodyPlant, body: RigidBody) -> Iterato
 
 
 def _sdf_or_urdf_link(model: StatedModel, link: Element, body: RigidBody) -> _Link:
-    check_mass(link, model.path)
+    check_mass(link, model.path, urdf=model.dialect is Dialect.URDF)
     collisions = link.findall("collision")
     places = _READ_FRICTION[model.dialect]
     friction = [any(elements_at(collision, place) for place in places) for collision in collisions]
@@ -139,11 +138,8 @@ def _mjcf_body(model: StatedModel, plant: MultibodyPlant, body: RigidBody) -> It
     if found is None:
         return
     geoms = collision_geoms(model.element, found)
-    friction = {geom.name: _is_friction(geom.attributes.get("friction")) for geom in geoms}
+    friction = {
+        geom.name: first_number(geom.attributes.get("friction")) is not None for geom in geoms
+    }
     unread = tuple(unread_in_pairs(model.element, friction))
     yield _Link(True, friction, unread)
-
-
-def _is_friction(text: str | None) -> bool:
-    values = numbers(text)
-    return bool(values) and math.isfinite(values[0])

@@ -12,7 +12,7 @@ import logging
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from pydrake.multibody.parsing import PackageMap, Parser
@@ -120,8 +120,10 @@ def _add_above(found: PackageMap, model_file: Path) -> None:
     above = (*model_file.absolute().parents, *model_file.resolve().parents)
     for folder in dict.fromkeys(above):
         if (folder / "package.xml").is_file():
-            name = (read_xml(folder / "package.xml", "package").findtext("name") or "").strip()
-            _add(found, folder, name)
+            # Drake would not look above the model: what is no package.xml is none of its business.
+            with suppress(ModelError):
+                package = read_xml(folder / "package.xml", "package")
+                _add(found, folder, (package.findtext("name") or "").strip())
         if (folder / "model.config").is_file():
             _add(found, folder)
             for sibling in sorted(folder.parent.glob("*/model.config")):
