@@ -102,6 +102,7 @@ def _load(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
         patch_angle=arguments.patch_angle,
         patch_depth=arguments.patch_depth,
         joints_free=arguments.joints_free,
+        scale=arguments.scale,
     )
     _warn(object_.warnings)
     return object_, seconds
@@ -277,11 +278,12 @@ def _show(arguments: argparse.Namespace) -> tuple[int, str]:
             "body_name": arguments.body,
             "mu": arguments.mu,
             "joints_free": arguments.joints_free,
+            "scale": arguments.scale,
         }
-    elif arguments.body is not None or arguments.mu is not None or arguments.joints_free:
+    elif arguments.joints_free or {arguments.body, arguments.mu, arguments.scale} != {None}:
         raise UsageError(
-            f"{name}: a grasp file states its body and friction, and whether joints are free; "
-            "leave them out"
+            f"{name}: a grasp file states its body, friction and scale, and whether joints are "
+            "free; leave them out"
         )
     maker = f"drake_polygrasp.visualization.show:exhibit_{kind}"
     exhibit, _ = call_in_child(maker, name, task=_task(arguments, f"showing {name}"), **options)

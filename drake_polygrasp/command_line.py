@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from drake_polygrasp.loading.model_checks import MAX_FRICTION
+from drake_polygrasp.loading.model_checks import MAX_FRICTION, MAX_SCALE
 
 MAX_LENGTH = 1000.0
 """Ours [m]: clearances and radii beyond it are slips of the pen."""
@@ -64,6 +64,16 @@ def _add_joints_free(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_scale(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--scale",
+        metavar="S",
+        type=_scale,
+        help="what the lengths of an .obj MODEL are multiplied by, 0.001 for millimetres (default: "
+        "1; other models state the scale of their meshes)",
+    )
+
+
 def _add_common_options(parser: argparse.ArgumentParser) -> None:
     _add_package_options(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object for machines")
@@ -80,6 +90,7 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
         "only one)",
     )
     _add_joints_free(parser)
+    _add_scale(parser)
     parser.add_argument(
         "--mu",
         type=_friction,
@@ -255,6 +266,7 @@ def _add_show(commands: Any) -> None:
     )
     parser.add_argument("--body", metavar="NAME", help="the body of MODEL, where there are several")
     _add_joints_free(parser)
+    _add_scale(parser)
     parser.add_argument("--mu", type=_friction, help="friction for MODEL (default: as in plan)")
     _add_package_options(parser)
 
@@ -296,6 +308,13 @@ def _friction(text: str) -> float:
     if number == 0:
         raise argparse.ArgumentTypeError("without friction there is no grasp")
     return number
+
+
+def _scale(text: str) -> float:
+    scale = _number(text, MAX_SCALE)
+    if scale < 1 / MAX_SCALE:
+        raise argparse.ArgumentTypeError(f"{text!r} is below {1 / MAX_SCALE:g}")
+    return scale
 
 
 def _length(text: str) -> float:

@@ -51,6 +51,8 @@ class ModelSource:
     """The links that the model fixes to one another, when more than one; B is of `body_name`."""
     joints_free: bool = False
     """Whether links on its joints were ignored, as of `load_object`."""
+    scale: float | None = None
+    """Of an OBJ model, as of `load_object`; None for 1."""
 
 
 @dataclass(frozen=True, eq=False)

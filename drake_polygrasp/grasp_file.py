@@ -179,7 +179,11 @@ def _object_document(object_: GraspObject, source: ModelSource, folder: Path) ->
             "num_faces": len(object_.polyhedron.faces),
         }
     )
-    asked = {"patch_angle": source.patch_angle, "patch_depth": source.patch_depth}
+    asked = {
+        "scale": source.scale,
+        "patch_angle": source.patch_angle,
+        "patch_depth": source.patch_depth,
+    }
     document |= {key: float(value) for key, value in asked.items() if value is not None}
     document |= {"links": list(source.links)} if source.links else {}
     return document | ({"joints_free": True} if source.joints_free else {})
@@ -234,7 +238,17 @@ def _read_object(block: Block) -> StatedObject:
         patch_depth=_read_patch_tolerance(block, "patch_depth", below=math.inf),
         links=_read_links(block),
         joints_free=_read_joints_free(block),
+        scale=_read_scale(block),
     )
+
+
+def _read_scale(block: Block) -> float | None:
+    if "scale" not in block.data:
+        return None
+    scale = block.number("scale", "positive")
+    if not block.text("model_file").lower().endswith(".obj"):
+        raise block.refuse("scale", "left out: only .obj models have one")
+    return scale
 
 
 def _read_links(block: Block) -> tuple[str, ...] | None:

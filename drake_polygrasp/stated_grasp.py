@@ -32,6 +32,8 @@ class StatedObject:
     """Those of a rigid body of several, None where the file names none."""
     joints_free: bool = False
     """Whether links on joints were ignored."""
+    scale: float | None = None
+    """Of an OBJ model, None for 1."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -264,6 +264,7 @@ def _find_model(
             patch_angle=stated.patch_angle,
             patch_depth=stated.patch_depth,
             joints_free=stated.joints_free,
+            scale=stated.scale,
         )
     except ModelError as error:
         return _Model(None, Line(Status.FAILED, str(error)))

@@ -27,6 +27,8 @@ from drake_polygrasp.grasp_file import load_grasps
 from drake_polygrasp.planning.outcome import REASONS
 from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.verification import Status
+from tests.convex_polyhedra import prism, write_obj
+from tests.solids import regular_polygon
 
 ROOT = Path(__file__).parents[1]
 MODELS = ROOT / "models"
@@ -149,7 +151,8 @@ def paths(value: Any, path: str = "") -> Iterator[str]:
 def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """Documents that between them hold every key we write."""
     folder = tmp_path_factory.mktemp("written")
-    full, around, welded = (folder / f"{name}.yaml" for name in ("full", "around", "welded"))
+    names = ("full", "around", "welded", "scaled")
+    full, around, welded, scaled = (folder / f"{name}.yaml" for name in names)
     asked = "--mu 0.3 --avoid-direction 0 0 -1 --exclude-faces 0 --patch-angle 0.2"
     asked += " --patch-depth 0.001 --top 1 --plant"
     model = str(MODELS / "l_bracket" / "l_bracket.sdf")
@@ -164,7 +167,10 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     weld = '<joint name="j" type="fixed"><parent link="low"/><child link="high"/></joint>'
     stack.write_text(f'<robot name="r">{block.format("low")}{block.format("high")}{weld}</robot>')
     assert main(["plan", str(stack), "--joints-free", "--top", "1", "-o", str(welded)]) == 0
-    return [yaml.safe_load(path.read_text()) for path in (full, around, welded)]
+    write_obj(folder / "mm.obj", prism(regular_polygon(4, 40.0), 60.0))
+    asked = ["--scale", "0.001", "--top", "1", "-o", str(scaled)]
+    assert main(["plan", str(folder / "mm.obj"), *asked]) == 0
+    return [yaml.safe_load(path.read_text()) for path in (full, around, welded, scaled)]
 
 
 def test_every_key_that_is_written_is_described_and_no_other(

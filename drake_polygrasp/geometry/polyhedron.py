@@ -87,8 +87,6 @@ class Polyhedron:
     """The curved solids among the body's parts; their triangles are inscribed in them."""
     cavities: Cavities | None = None
     """The rooms that the parts seal, whose walls are no faces; None when there are none."""
-    warnings: tuple[str, ...] = ()
-    """What was changed of the geometry's files, one sentence each."""
     own: Bools | None = None
     """Whether each triangle is of the body, or of another that covers it, shape (T,); None when all
     are its own."""

@@ -130,7 +130,6 @@ def build_polyhedron(
         closed=frozen(mesh.closed[mesh.shell], bool),
         primitives=primitives,
         cavities=cavities,
-        warnings=tuple(warning for part in parts for warning in part.warnings),
         own=None if mesh.own.all() else frozen(mesh.own, bool),
         covering=covering,
     )

@@ -26,6 +26,7 @@ from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.model_checks import MAX_FRICTION
 from drake_polygrasp.loading.parsed_model import blaming
 from drake_polygrasp.loading.rigid_group import Collider, RigidGroup
+from drake_polygrasp.loading.scale import doubts_of_units
 from drake_polygrasp.loading.shapes import part_of
 
 DEFAULT_MU = 0.3
@@ -196,7 +197,8 @@ def object_of(
     there is nothing to hold, or the centre of mass is beyond measure.
     """
     polyhedron = _surface([*parts, *covers], where, patch_angle, patch_depth)
-    said = [*warnings, *polyhedron.warnings]
+    said = [*warnings, *(warning for part in (*parts, *covers) for warning in part.warnings)]
+    said += doubts_of_units(polyhedron.diameter, where)
     if not polyhedron.watertight:
         said.append(f"{where}: its surface is not closed; what lies inside is a guess")
     if stated is None:

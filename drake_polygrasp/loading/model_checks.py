@@ -11,6 +11,8 @@ from drake_polygrasp.errors import ModelError
 
 MAX_FRICTION = 100.0
 """Ours: coefficients beyond it are slips of the pen, and strain the arithmetic."""
+MAX_SCALE = 1e6
+"""Of an OBJ model, ours: larger ones, and ones below 1 over this, are slips of the pen."""
 MAX_SIZE = 1e6
 """Of a collision geometry, ours [m]."""
 _SIZES = {

@@ -32,6 +32,7 @@ from drake_polygrasp.loading.model_statements import Statements, read_statements
 from drake_polygrasp.loading.packages import is_uri
 from drake_polygrasp.loading.parsed_model import ParsedModel, parse_model
 from drake_polygrasp.loading.rigid_group import Collider
+from drake_polygrasp.loading.scale import check_scale
 from drake_polygrasp.loading.shapes import is_hull, mended
 
 
@@ -59,6 +60,7 @@ def load_object(
     patch_angle: float | None = None,
     patch_depth: float | None = None,
     joints_free: bool = False,
+    scale: float | None = None,
 ) -> GraspObject:
     """Load the rigid body to grasp from a file that Drake's Parser reads.
 
@@ -74,11 +76,12 @@ def load_object(
     model, which is else the lesser of each geometry's static and dynamic coefficients: in discrete
     time Drake's bodies slide at the dynamic one. Surfaces of very many facets become patches whose
     normals lean by at most `patch_angle` [rad] (default: 12 degrees) and whose facets lie about
-    `patch_depth` [m] (default: 0.005 of the diameter) off a plane.
+    `patch_depth` [m] (default: 0.005 of the diameter) off a plane. `scale` multiplies the lengths
+    of an .obj model, 0.001 for millimetres (default: 1); other models state their own.
 
     Raises ModelError when a file is missing or malformed, the body cannot be told, or its
-    collision geometry is nothing to hold; UsageError when `mu` is not above 0 or a patch cannot
-    be as asked for.
+    collision geometry is nothing to hold; UsageError when `mu` is not above 0, a patch cannot be
+    as asked for, or `scale` is none or for a model that states its own.
     """
     check_path("model_file", model_file)
     if body_name is not None:
@@ -86,7 +89,8 @@ def load_object(
     package_paths = check_paths("package_paths", package_paths)
     check_tolerances(patch_angle, patch_depth)
     check_friction(mu, str(model_file))
-    parsed = parse_model(model_file, body_name, package_paths, packages)
+    scale = check_scale(scale, model_file)
+    parsed = parse_model(model_file, body_name, package_paths, packages, scale)
     files, group, warnings = parsed.files, parsed.group, parsed.warnings
     where = f"{files.model_file}: body '{group.body.name()}'"
     warnings += describe_group(group, where, joints_free)
@@ -109,6 +113,7 @@ def load_object(
         patch_depth=patch_depth,
         links=group.names if len(group.links) > 1 else (),
         joints_free=joints_free,
+        scale=scale,
     )
     unstated = [group.name_of(link.body) for link in links if not link.has_mass]
     if unstated and len(unstated) < len(group.links):
@@ -137,7 +142,7 @@ def load_solid(
     Raises ModelError as `load_object` does.
     """
     body_name = f"{source.model_name}::{source.body_name}"
-    parsed = parse_model(source.model_file, body_name, package_paths, packages)
+    parsed = parse_model(source.model_file, body_name, package_paths, packages, source.scale)
     inspector = parsed.scene_graph.model_inspector()
     group = parsed.group
     covering = () if source.joints_free else group.covers(parsed.plant, inspector)

@@ -52,8 +52,11 @@ def parse_model(
     body_name: str | None,
     package_paths: Sequence[str | Path],
     packages: Mapping[str, str | Path] | None = None,
+    scale: float | None = None,
 ) -> ParsedModel:
     """Reads a model file, whose meshes are checked before Drake may, and finds the body to grasp.
+
+    `scale` is of an OBJ file (default: 1).
 
     Raises ModelError when a file is missing or malformed, or when the body cannot be told.
     """
@@ -62,7 +65,7 @@ def parse_model(
     for mesh in files.meshes:
         check_mesh_file(mesh)
     with _drake_warnings() as warnings, blaming(files.model_file):
-        plant, scene_graph = _parse(files.model_file, package_map)
+        plant, scene_graph = _parse(files.model_file, package_map, scale)
     body = _choose_body(plant, body_name, files.model_file)
     context = plant.CreateDefaultContext()
     group = find_group(plant, body, context)
@@ -100,8 +103,14 @@ def _drake_warnings() -> Iterator[list[str]]:
         logger.propagate = propagate
 
 
-def _parse(model_file: Path, package_map: PackageMap) -> tuple[MultibodyPlant, SceneGraph]:
+def _parse(
+    model_file: Path, package_map: PackageMap, scale: float | None
+) -> tuple[MultibodyPlant, SceneGraph]:
     plant, scene_graph = _empty_plant()
+    if scale is not None:
+        _add_surface(plant, model_file, scale)
+        plant.Finalize()
+        return plant, scene_graph
     parser = Parser(plant, scene_graph)
     use_packages(parser, package_map)
     try:
@@ -111,7 +120,7 @@ def _parse(model_file: Path, package_map: PackageMap) -> tuple[MultibodyPlant, S
         if model_file.suffix.lower() != ".obj":
             raise
         plant, scene_graph = _empty_plant()
-        _add_surface(plant, model_file)
+        _add_surface(plant, model_file, 1.0)
     plant.Finalize()
     return plant, scene_graph
 
@@ -122,9 +131,9 @@ def _empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
     return plant, scene_graph
 
 
-def _add_surface(plant: MultibodyPlant, mesh_file: Path) -> None:
-    """What the Parser makes of an OBJ file, but of one in which Drake finds no mass."""
-    name, mesh = mesh_file.stem, Mesh(str(mesh_file))
+def _add_surface(plant: MultibodyPlant, mesh_file: Path, scale: float) -> None:
+    """What the Parser makes of an OBJ file, but scaled, and also where Drake finds no mass."""
+    name, mesh = mesh_file.stem, Mesh(str(mesh_file), scale)
     M_BBo_B = _spatial_inertia(read_collision_mesh(mesh).shape)
     if M_BBo_B is None:
         logging.getLogger("drake").warning(

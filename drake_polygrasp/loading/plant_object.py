@@ -53,6 +53,7 @@ def object_from_plant(
     patch_angle: float | None = None,
     patch_depth: float | None = None,
     joints_free: bool = False,
+    scale: float | None = None,
 ) -> GraspObject:
     """The object to grasp, from a body of a plant.
 
@@ -78,6 +79,7 @@ def object_from_plant(
         patch_depth: how far its facets may lie off a plane [m], as of `load_object`.
         joints_free: whether to ignore the links on its joints, which else cover it as they stand in
             the context; `obstacles_from_plant` has them in either case.
+        scale: of `model_file`, an .obj file, as of `load_object`.
 
     Raises:
         UsageError: when plant, body and context do not belong together, or `mu` is not above 0.
@@ -124,6 +126,7 @@ def object_from_plant(
         patch_angle=patch_angle,
         patch_depth=patch_depth,
         joints_free=joints_free,
+        scale=scale,
     )
     for difference in _differences(live, filed):
         raise ModelError(f"{where} is not what {model_file} has: {difference}")

@@ -148,6 +148,7 @@ def load_surroundings(
         patch_angle=source.patch_angle,
         patch_depth=source.patch_depth,
         joints_free=source.joints_free,
+        scale=source.scale,
     )
     # In the scene it may have another name.
     return replace(surroundings_from_plant(plant, body, context), body=object_.body)

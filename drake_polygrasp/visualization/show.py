@@ -46,6 +46,7 @@ def exhibit_model(
     package_paths: Sequence[Path | str] = (),
     packages: Mapping[str, str | Path] | None = None,
     joints_free: bool = False,
+    scale: float | None = None,
 ) -> Exhibit:
     """Loads an object and plans grasps of it; arguments and errors as of `load_object`."""
     # Showing a grasp file needs no planner.
@@ -58,6 +59,7 @@ def exhibit_model(
         package_paths=package_paths,
         packages=packages,
         joints_free=joints_free,
+        scale=scale,
     )
     plan = plan_grasps(object_)
     return Exhibit(object_, plan.grasps, plan.settings["tip_radius"])
@@ -89,6 +91,7 @@ def exhibit_file(
         patch_angle=stated.patch_angle,
         patch_depth=stated.patch_depth,
         joints_free=stated.joints_free,
+        scale=stated.scale,
     )
     if object_.source is not None and object_.source.sha256 != stated.sha256:
         changed = f"{model_file} has changed since {path} was written: its grasps may be off"
