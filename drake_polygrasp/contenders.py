@@ -11,8 +11,16 @@ from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.certification.certify import Proof, certify, prove_many
 from drake_polygrasp.certification.wrench_space import Interval, epsilon_interval
 from drake_polygrasp.digits import on_grid, to_decimals
-from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE, Regions
-from drake_polygrasp.geometry.seating import edge_distance, face_of, least_tip, seat, tip_fits
+from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
+from drake_polygrasp.geometry.seating import (
+    TIP_SLACK,
+    edge_distance,
+    face_of,
+    least_tip,
+    seat,
+    tip_fits,
+    tips_are_apart,
+)
 from drake_polygrasp.grasp import (
     CertifiedGrasp,
     Grasp,
@@ -211,7 +219,7 @@ def is_clear(task: Task, p_BC: Array, nhat_TB_B: Array) -> Bools:
         return np.ones(len(p_BC), dtype=bool)
     polyhedron = task.object_.polyhedron
     tip_radius = least_tip(polyhedron, task.tip_radius)
-    reach = tip_radius - 2 * FLATNESS * polyhedron.diameter
+    reach = tip_radius - TIP_SLACK * polyhedron.diameter
     return ~task.obstacles.block(p_BC - tip_radius * nhat_TB_B, reach)
 
 
@@ -238,6 +246,9 @@ def contenders(task: Task, plan: SetPlan, triples: Triples | None) -> Contenders
     slips = alive[~force_closure(p_BC[alive], nhat_TB_B[alive], mu[alive])]
     spread = non_collinear(p_BC[slips])
     outcome[slips] = np.where(spread, CODE["not_force_closure"], CODE["collinear"])
+    alive = np.flatnonzero(outcome == UNJUDGED)
+    apart = tips_are_apart(polyhedron, p_BC[alive], nhat_TB_B[alive], task.tip_radius)
+    outcome[alive[~apart]] = CODE["tip_blocked"]
     distinct = 1 + (np.diff(np.sort(face, axis=1), axis=1) > 0).sum(axis=1)
     kind = np.where(distinct == 2, 2, rows.is_parallel)
     nhat_B, p_BP = _planes_of(p_BC, rows, LENGTH_TOLERANCE * polyhedron.diameter)

@@ -12,7 +12,7 @@ from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.wrench_space import epsilon_interval
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.polyhedron import Regions, erode
-from drake_polygrasp.geometry.seating import tip_fits
+from drake_polygrasp.geometry.seating import tip_fits, tips_are_apart
 from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.pipeline import GraspPlan
 from drake_polygrasp.plan_settings import exclusion_of
@@ -144,7 +144,9 @@ def _better(
         lower = epsilon_interval(*contacts, object_.p_BBcm, object_.rho).lower
         (proof,) = prove_many(*(values[None] for values in contacts))
         fits = tip_fits(object_.polyhedron, *contacts[:2], tip_radius).all()
-        if lower > epsilon and proof.verdict is Verdict.HOLDS and fits:
+        p, nhat = p_BC[None], regions.nhat_TB_B[region][None]
+        apart = tips_are_apart(object_.polyhedron, p, nhat, tip_radius)
+        if lower > epsilon and proof.verdict is Verdict.HOLDS and fits and apart[0]:
             a, b, c = regions.face[region].tolist()
             return BetterGrasp((a, b, c), frozen(p_BC), lower)
     return None

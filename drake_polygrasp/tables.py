@@ -34,7 +34,7 @@ MEANING = {
     "off_face": ("contacts (7)", "a contact would lie off its face"),
     "wrong_order": ("contacts (7)", "the lone contact would not lie between the other two"),
     "collinear": ("contacts (7)", "the contacts would lie on one line"),
-    "tip_blocked": ("fingertips", "a fingertip has no room beside the object itself"),
+    "tip_blocked": ("fingertips", "a fingertip has no room beside the object or another one"),
     "obstructed": ("fingertips", "an obstacle is where a fingertip would be"),
     "not_force_closure": ("proof", "the contacts do not hold the object"),
     "undecided": ("proof", "neither proved to hold nor proved not to"),

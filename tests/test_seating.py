@@ -10,7 +10,13 @@ import shapely
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Polyhedron
-from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
+from drake_polygrasp.geometry.seating import (
+    edge_distance,
+    face_of,
+    seat,
+    tip_fits,
+    tips_are_apart,
+)
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from tests.convex_polyhedra import boxes, holed_prism, prism
 from tests.solids import random_contacts
@@ -140,3 +146,29 @@ def test_ten_thousand_tips_among_a_thousand_triangles_take_seconds() -> None:
     start = time.perf_counter()
     tip_fits(polyhedron, p_BC, nhat_TB_B, 0.02 * polyhedron.diameter)
     assert time.perf_counter() - start < 10
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_a_tip_beside_a_concave_edge_touches_its_own_facet_first(share: float) -> None:
+    # Of a groove whose floor rises by theta, a sphere beside the edge touches the other side first
+    # where it is nearer to the edge than r tan(theta / 2), by microns only.
+    theta, radius = 0.2, 0.004
+    height = 0.1 * np.tan(theta)
+    profile = [(-0.1, -0.1), (0.1, -0.1), (0.1, height), (0, 0), (-0.1, 0)]
+    groove = build(prism(shapely.Polygon(profile), 0.1))
+    p = np.array([[-share * radius * np.tan(theta / 2), 0, 0.05]])
+    room = radius * np.cos(theta) - p[0, 0] * np.sin(theta)
+    assert abs(room - radius) < 2e-5 * groove.diameter
+    assert tip_fits(groove, p, -Y[None], radius).tolist() == [share > 1]
+
+
+def test_tips_overlap_where_their_centres_are_nearer_than_two_radii() -> None:
+    plate = build(prism(shapely.box(-0.1, -0.1, 0.1, 0.1), 0.01))
+    top, bottom = np.array([0, 0, 0.01]), np.zeros(3)
+    nhat = np.array([-Z, -Z, Z])
+    for gap, apart in ((0.0101, True), (0.0099, False)):
+        p_BC = np.array([[top, top + gap * X, bottom]])
+        assert tips_are_apart(plate, p_BC, nhat[None], 0.005).tolist() == [apart]
+    # Points must not even meet.
+    assert not tips_are_apart(plate, np.array([[top, top, bottom]]), nhat[None], 0.0)[0]
+    assert tips_are_apart(plate, np.array([[top, top + 1e-3 * X, bottom]]), nhat[None], 0.0)[0]

@@ -17,12 +17,10 @@ from pydrake.multibody.tree import RigidBody
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.geometry.seating import edge_distance, face_of
+from drake_polygrasp.geometry.seating import edge_distance, face_of, least_tip
 from drake_polygrasp.grasp import Grasp, GraspObject
 from drake_polygrasp.loading.object_model import Solid, load_solid
 
-PROBE_RADIUS = 1e-3
-"""Times the diameter L, ours: of the fingertips that stand for a plan's points."""
 _DISSIPATION = 1.0
 """[s/m], Hunt & Crossley's, of each surface, ours."""
 
@@ -58,7 +56,7 @@ def make_scene(
     package_paths: Sequence[str | Path] = (),
     packages: Mapping[str, str | Path] | None = None,
 ) -> Scene:
-    """The object from its own file, and fingertips of `tip_radius` [m], or probes if that is 0.
+    """The object from its own file, and fingertips of `tip_radius` [m], as of `least_tip` at least.
 
     Raises ModelError when the object came from no file or the file cannot be read again.
     """
@@ -73,7 +71,7 @@ def make_scene(
         object_,
         load_solid(object_.source, package_paths, packages),
         grasp,
-        tip_radius or PROBE_RADIUS * object_.polyhedron.diameter,
+        least_tip(object_.polyhedron, tip_radius),
         math.sqrt(2.0) * float(distance),
     )
 

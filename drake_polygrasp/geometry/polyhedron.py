@@ -139,19 +139,23 @@ class Polyhedron:
         return frozen([face.mu for face in self.faces])
 
     @cached_property
-    def is_convex(self) -> bool:
-        """Whether the body is one convex solid: no vertex lies above any face.
+    def greatest_rise(self) -> float:
+        """How far the highest vertex lies above the plane of any face [m].
 
-        False for bodies with patches, of which the faces say too little, and with covers.
+        Infinite for bodies with patches, of which the faces say too little, and with covers.
         """
         if self.is_patch.any() or self.is_covered:
-            return False
-        reach = FLATNESS * self.diameter
+            return np.inf
         vertices = surface_vertices(self)
-        return all(
-            times(vertices, Fz).max() <= dot(Fz, p_BF) + reach
+        return max(
+            float(times(vertices, Fz).max() - dot(Fz, p_BF))
             for Fz, p_BF in zip(self.R_BF[:, :, 2], self.p_BF, strict=True)
         )
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether the body is one convex solid: no vertex lies above any face."""
+        return self.greatest_rise <= FLATNESS * self.diameter
 
     @cached_property
     def surface(self) -> TriangleSoup:

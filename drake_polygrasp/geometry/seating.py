@@ -28,6 +28,9 @@ from drake_polygrasp.vectors import dot, product, times, transformed
 
 CRACK = 1e-3
 """Times L, ours: gaps narrower than this are closed to any finger, even a point."""
+TIP_SLACK = ON_SURFACE / 2
+"""Times L, ours: how deep a fingertip may be in what it touches for all checks to agree that it is
+outside: half of what the plant's check of the geometry allows."""
 _JUST_INSIDE = 1e-8
 """Times L, ours: as little as can be told from rounding, for beside a sharp edge more leads out."""
 _PAIRS_AT_ONCE = 1 << 20
@@ -260,15 +263,34 @@ def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: 
     Of contacts p_BC [m] on the exposed surface with inward normals, both (M, 3); shape (M,). The
     distance from the sphere's centre to all triangles and curved solids decides: beside the
     contact the sphere is outside every part, and one that crosses none is outside all the way.
-    Facets may rise out of their face by `FLATNESS` L. Tips have the radius of `least_tip` at least.
+    Where a neighbouring facet rises toward the tip by more than `TIP_SLACK` L, the tip touches that
+    one instead. Tips have the radius of `least_tip` at least.
     """
-    if polyhedron.is_convex:
+    slack = TIP_SLACK * polyhedron.diameter
+    if polyhedron.greatest_rise <= slack:
         return np.ones(len(p_BC), dtype=bool)
-    L = polyhedron.diameter
     tip_radius = least_tip(polyhedron, tip_radius)
     p_BT = p_BC - tip_radius * nhat_TB_B
-    reach = tip_radius - 2 * FLATNESS * L
+    reach = tip_radius - slack
     fits = ~polyhedron.surface.within(p_BT, reach)
     for solid in (*polyhedron.primitives, *polyhedron.covering):
         fits &= solid.distance(p_BT) >= reach
     return fits
+
+
+def tips_are_apart(
+    polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: float
+) -> Bools:
+    """Returns whether the fingertips of each grasp overlap nowhere, shape (M,).
+
+    Args:
+        polyhedron: the body.
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        tip_radius: of spherical fingertips [m]; that of `least_tip` at least.
+    """
+    tip_radius = least_tip(polyhedron, tip_radius)
+    p_BT = p_BC - tip_radius * nhat_TB_B
+    gap = p_BT - np.roll(p_BT, 1, axis=1)
+    least = 2 * tip_radius - TIP_SLACK * polyhedron.diameter
+    return np.asarray(np.sqrt(dot(gap, gap)).min(axis=1) >= least)
