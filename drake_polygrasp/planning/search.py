@@ -193,7 +193,7 @@ def set_numbers(region: Ints) -> Ints:
 
 def set_keys(sets: Ints, greatest: int) -> Ints:
     """A number for each set of regions -1 to `greatest`, in the sets' order, (M, 3) to (M,)."""
-    keys: Ints = (sets + 1) @ (greatest + 2) ** np.arange(3)[::-1]
+    keys: Ints = ((sets + 1) * (greatest + 2) ** np.arange(3)[::-1]).sum(axis=1)
     return keys
 
 

@@ -17,7 +17,7 @@ from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions
 from drake_polygrasp.geometry.seating import least_tip
 from drake_polygrasp.planning.planar import Shapes
-from drake_polygrasp.vectors import times, transformed
+from drake_polygrasp.vectors import circle, times, transformed
 
 _FLAT = 4 * FLATNESS
 """Times L: what rises less belongs to the face."""
@@ -135,5 +135,5 @@ def _blocked(triangles_F: Array, lowest: Array, tip_radius: float) -> tuple[Shap
     triangle, part = np.unique(np.nonzero(inside)[0], return_inverse=True)
     flat = np.moveaxis(points, 0, 2)[inside].reshape(-1, 2)
     parts = shapely.convex_hull(shapely.linestrings(flat, indices=np.repeat(part, 2)))
-    around = tip_radius / np.cos(np.pi / (4 * _QUARTER))
+    around = tip_radius / circle(np.array(np.pi / (4 * _QUARTER)))[0]
     return shapely.buffer(parts, around, quad_segs=_QUARTER), triangle

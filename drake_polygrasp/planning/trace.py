@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.polyhedron import Regions, erode
 from drake_polygrasp.grasp import GraspObject
@@ -131,12 +132,12 @@ class _Steps:
         alpha = friction_angle(self.regions.mu[region][None])
         parallel = classify(nhat, alpha)
         if self.reason == "orientation":
-            return self._trace(region, alpha, np.arcsin(sine_of_tips_plane(nhat)[1]))
+            return self._trace(region, alpha, to_decimals(np.arcsin(sine_of_tips_plane(nhat)[1])))
         if not len(parallel.rows):
             return self._nonparallel(region, nhat, alpha)
         first = int(parallel.opposing[0])
         region = region[[first, *np.delete(np.arange(3), first)]]
-        phi = np.arcsin(sine_of_parallel(self.regions.nhat_TB_B[region][None]))
+        phi = to_decimals(np.arcsin(sine_of_parallel(self.regions.nhat_TB_B[region][None])))
         sets = opposed(self.regions, region[None], parallel.nhat_bs)
         axes = np.stack([sets.u[0], sets.v[0]])
         if self.reason == "not_opposed":
@@ -150,7 +151,10 @@ class _Steps:
     def pair(self, region: Ints) -> Trace:
         regions, edges, scale = self.regions, self.edges, self.scale
         nhat = regions.nhat_TB_B[region][None]
-        alpha, phi = friction_angle(regions.mu[region][None]), np.arcsin(sine_of_pair(nhat))
+        alpha, phi = (
+            friction_angle(regions.mu[region][None]),
+            to_decimals(np.arcsin(sine_of_pair(nhat))),
+        )
         region = region[[0, 1, 1]]
         if self.reason == "orientation":
             return self._trace(region, alpha, phi)
@@ -168,7 +172,7 @@ class _Steps:
     def _nonparallel(self, region: Ints, nhat: Array, alpha: Array) -> Trace:
         regions, edges, scale = self.regions, self.edges, self.scale
         N, sine = sine_of_tips_plane(nhat)
-        phi, on = np.arcsin(sine), plane_directions(N, nhat)
+        phi, on = to_decimals(np.arcsin(sine)), plane_directions(N, nhat)
         meets, low, high = region_rl(edges, region[None], on, scale.length_slack)
         on_pi_l = self._on_pi_l(region, on, low[0], high[0], alpha - phi, bool(meets[0]))
         if not meets[0]:
