@@ -89,7 +89,13 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
     off = replace(plan.grasps[0], grasp=replace(cube_grasp(), p_BC=cube_grasp().p_BC + 1e-3))
     scenery = world(CUBE, anchored("ball", Sphere(0.01), RigidTransform([1.0, 0.0, 0.0])))
     in_plant = {"plant": scenery.plant, "body": scenery.body, "context": scenery.context}
-    settings = {"patch_angle": None, "patch_depth": None, "package_paths": (), "packages": None}
+    settings = {
+        "patch_angle": None,
+        "patch_depth": None,
+        "joints_free": False,
+        "package_paths": (),
+        "packages": None,
+    }
     planned = {
         "object_": cube,
         "method": "enriched",

@@ -18,6 +18,7 @@ from drake_polygrasp import (
     Surroundings,
     UsageError,
     certify_in_plant,
+    load_object,
     load_surroundings,
     obstacles_from_plant,
     plan_grasps,
@@ -193,3 +194,26 @@ def test_of_twins_the_one_of_the_models_name_is_grasped(tmp_path: Path) -> None:
     ((name, _, X_BG),) = load_surroundings(directives, model("cube")).parts
     assert name == "one::cube"
     np.testing.assert_allclose(X_BG.translation(), [-0.2, 0.0, 0.0], atol=1e-12)
+
+
+LID = """\
+<robot name="cube"><link name="cube">
+  <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.06 0.06 0.06"/></geometry></collision></link>
+<link name="lid">
+  <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.06 0.06 0.002"/></geometry></collision></link>
+<joint name="hinge" type="revolute"><parent link="cube"/><child link="lid"/><axis xyz="0 1 0"/>
+  <origin xyz="0 0 0.032"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>
+"""
+
+
+@pytest.mark.parametrize("joints_free", [False, True])
+def test_a_lid_on_a_joint_is_the_objects_own_and_no_neighbour(
+    tmp_path: Path, joints_free: bool
+) -> None:
+    directives = scene(tmp_path, 0.6)
+    directives.write_text(directives.read_text().replace("cube.sdf", "lid.urdf"))
+    (tmp_path / "lid.urdf").write_text(LID)
+    lidded = load_object(tmp_path / "lid.urdf", body_name="cube", mu=0.3, joints_free=joints_free)
+    assert load_surroundings(directives, lidded, mu=0.3).names == ("wall::wall",)

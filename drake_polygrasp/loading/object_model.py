@@ -14,7 +14,7 @@ from pydrake.geometry import SceneGraphInspector, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RigidBody, SpatialInertia
 
-from drake_polygrasp.arguments import check_path, check_paths, check_text
+from drake_polygrasp.arguments import check_flag, check_path, check_paths, check_text
 from drake_polygrasp.geometry.patches import check_tolerances
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.body_object import (
@@ -88,6 +88,7 @@ def load_object(
         check_text("body_name", body_name)
     package_paths = check_paths("package_paths", package_paths)
     check_tolerances(patch_angle, patch_depth)
+    joints_free = check_flag("joints_free", joints_free)
     check_friction(mu, str(model_file))
     scale = check_scale(scale, model_file)
     parsed = parse_model(model_file, body_name, package_paths, packages, scale)

@@ -13,7 +13,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context
 
-from drake_polygrasp.arguments import check_path, check_paths, check_text
+from drake_polygrasp.arguments import check_flag, check_path, check_paths, check_text
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.patches import check_tolerances
@@ -91,6 +91,7 @@ def object_from_plant(
     where = describe(body)
     check_friction(mu, where)
     check_tolerances(patch_angle, patch_depth)
+    joints_free = check_flag("joints_free", joints_free)
     package_paths = check_paths("package_paths", package_paths)
     if model_file is not None:
         check_path("model_file", model_file)

@@ -150,8 +150,10 @@ def load_surroundings(
         joints_free=source.joints_free,
         scale=source.scale,
     )
-    # In the scene it may have another name.
-    return replace(surroundings_from_plant(plant, body, context), body=object_.body)
+    # Links on its own joints belong to the object, which may be planned without them.
+    own = [cover.geometry for cover in parsed.group.covers(plant, scene_graph.model_inspector())]
+    around = surroundings_from_plant(plant, body, context, ignore=own)
+    return replace(around, body=object_.body)  # in the scene it may have another name
 
 
 def _parse_by_body(
