@@ -27,6 +27,7 @@ _REFERENCE = re.compile(r"&(?:(quot|amp|apos|lt|gt)|#(\d+)|#x([0-9a-fA-F]+));", 
 _CHARACTERS = {"quot": '"', "amp": "&", "apos": "'", "lt": "<", "gt": ">"}
 _SKIPPED = (("<?", "?>"), ("<!--", "-->"), ("<!", ">"))
 """How declarations, comments and document types begin and end; CDATA sections are text."""
+_MAX_REASON = 120
 _CDATA, _CDATA_END = "<![CDATA[", "]]>"
 
 
@@ -148,4 +149,5 @@ def _character(reference: re.Match[str]) -> str:
 
 
 def _fault(text: str, position: int, reason: str) -> ValueError:
-    return ValueError(f"line {text.count(chr(10), 0, position) + 1}: {reason}")
+    # A name may be as long as the file.
+    return ValueError(f"line {text.count(chr(10), 0, position) + 1}: {reason[:_MAX_REASON]}")
