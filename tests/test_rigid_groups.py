@@ -333,3 +333,78 @@ def test_several_rigid_bodies_are_told_apart_by_their_base_links(write: Write) -
     whole = load_object(write("one.sdf", no_ball))
     assert whole.source is not None
     assert (whole.source.body_name, whole.source.links) == ("stem", ("tip", "stem"))
+
+
+def test_a_mere_frame_may_state_a_mass_of_0_and_a_solid_may_not(write: Write) -> None:
+    weightless = '<inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0"/></inertial>'
+    frame = f'<link name="tool">{weightless}</link>'
+    content = urdf(urdf_link("block", HEAD, 0.5), frame, urdf_joint("block", "tool"))
+    tooled = load_object(write("tooled.urdf", content))
+    assert tooled.mass == pytest.approx(0.5)
+    box = f'<collision><geometry><box size="{words(HEAD)}"/></geometry></collision>'
+    solid = content.replace(frame, f'<link name="tool">{weightless}{box}</link>')
+    with pytest.raises(ModelError, match="link 'tool' has a mass that is not above 0"):
+        load_object(write("solid.urdf", solid))
+
+
+def test_links_of_one_name_in_nested_models_are_told_apart(write: Write, tmp_path: Path) -> None:
+    inner = f'<model name="inner"><link name="a">{sdf_inertial(0.3, HEAD)}'
+    inner += f"{sdf_collision(HEAD, 0.4)}</link></model>"
+    path = write(
+        "nested.sdf",
+        sdf(
+            f'<link name="a">{sdf_inertial(0.2, HANDLE)}{sdf_collision(HANDLE, 0.4)}</link>{inner}'
+            '<joint name="j" type="fixed"><parent>a</parent><child>inner::a</child></joint>'
+        ),
+    )
+    with pytest.raises(ModelError, match="'hammer::a', 'hammer::inner::a'"):
+        load_object(path, body_name="a")
+    for body, links in (
+        ("hammer::a", {"a", "hammer::inner::a"}),
+        ("hammer::inner::a", {"a", "hammer::a"}),
+    ):
+        nested = load_object(path, body_name=body)
+        assert nested.mass == pytest.approx(0.5)
+        assert nested.source is not None
+        assert set(nested.source.links) == links
+        plan, file = plan_grasps(nested, top=1), tmp_path / "nested.grasp.yaml"
+        save_grasps(file, nested, plan.grasps, plan.settings)
+        assert verify_file(file).holds
+
+
+def test_models_that_directives_weld_are_one_body(write: Write) -> None:
+    write("package.xml", "<package><name>here</name></package>")
+    block = f'<link name="block">{sdf_inertial(0.5, HEAD)}{sdf_collision(HEAD, 0.4)}</link>'
+    write("block.sdf", sdf(block))
+    path = write(
+        "stack.dmd.yaml",
+        "directives:\n"
+        "- add_model: {name: low, file: package://here/block.sdf}\n"
+        "- add_model: {name: high, file: package://here/block.sdf}\n"
+        "- add_weld: {parent: low::block, child: high::block, X_PC: {translation: [0, 0, 0.05]}}\n",
+    )
+    stack = load_object(path)
+    assert stack.mass == pytest.approx(1.0)
+    assert stack.p_BBcm == pytest.approx([0.0, 0.0, 0.025])
+    assert len(stack.polyhedron.faces) == 6
+    assert stack.source is not None
+    assert (stack.source.model_name, stack.source.links) == ("low", ("block", "high::block"))
+
+
+def test_what_is_left_out_of_the_body_is_named(write: Write) -> None:
+    """Links of a static model hang on the world one by one; constraints are no joints."""
+    static = sdf(
+        f'<static>true</static><link name="a">{sdf_collision(HEAD, 0.4)}</link>'
+        f'<link name="b">{sdf_collision(HANDLE, 0.4)}</link>'
+    )
+    fixed = load_object(write("static.sdf", static), body_name="a")
+    line = next(w for w in fixed.warnings if "joined to the world" in w)
+    assert line.endswith("without what the world holds beside it: 'b'")
+    geom = '<geom type="box" size=".1 .1 .1"/>'
+    connected = "".join(f'<body name="{name}"><freejoint/>{geom}</body>' for name in "ab")
+    mjcf = (
+        f'<mujoco model="m"><worldbody>{connected}</worldbody><equality>'
+        '<connect body1="a" body2="b" anchor="0 0 .1"/></equality></mujoco>'
+    )
+    tied = load_object(write("tied.xml", mjcf), body_name="a")
+    assert any("constraints of the model tie to it is left out" in w for w in tied.warnings)

@@ -60,16 +60,22 @@ def check_friction(mu: float | None, where: str) -> None:
         check_number(f"the friction mu given for {where}", mu, demand, above=0.0, most=MAX_FRICTION)
 
 
-def describe_group(group: RigidGroup, where: str, joints_free: bool) -> Iterator[str]:
-    """What there is to say of links that are fixed to one another or to the world, or on joints."""
+def describe_group(
+    group: RigidGroup, where: str, joints_free: bool, beside: Sequence[str] = ()
+) -> Iterator[str]:
+    """What there is to say of links that are fixed to one another or to the world, or on joints.
+
+    Bodies `beside` it, which the world holds as well, are left out.
+    """
     if len(group.links) > 1:
         yield (
-            f"{where}: {_listed(group.names)} are fixed to one another and make one rigid body, in "
+            f"{where}: {listed(group.names)} are fixed to one another and make one rigid body, in "
             f"the frame of '{group.body.name()}'"
         )
     if group.tied_by:
-        joints = _listed(group.tied_by)
-        yield f"{where}: joined to the world ({joints}), it is planned as if it were free"
+        joints = listed(group.tied_by)
+        without = f", without what the world holds beside it: {listed(beside)}" if beside else ""
+        yield f"{where}: joined to the world ({joints}), it is planned as if it were free{without}"
     names = group.names_on_joints()
     if names:
         done = (
@@ -78,10 +84,10 @@ def describe_group(group: RigidGroup, where: str, joints_free: bool) -> Iterator
             else "kept where they are, as covers and obstacles, and their mass is not counted "
             "(joints_free=True or --joints-free ignores them)"
         )
-        yield f"{where}: links on its joints are {done}: {_listed(names)}"
+        yield f"{where}: links on its joints are {done}: {listed(names)}"
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
     """Some names, quoted, and how many more there are."""
     quoted = ", ".join(f"'{name}'" for name in names[:_MOST_NAMES])
     more = len(names) - _MOST_NAMES

@@ -117,8 +117,9 @@ def _links(files: ModelFiles, plant: MultibodyPlant, body: RigidBody) -> Iterato
 
 
 def _sdf_or_urdf_link(model: StatedModel, link: Element, body: RigidBody) -> _Link:
-    check_mass(link, model.path, urdf=model.dialect is Dialect.URDF)
     collisions = link.findall("collision")
+    if collisions or body.default_mass() != 0:  # A mere frame may weigh nothing.
+        check_mass(link, model.path, urdf=model.dialect is Dialect.URDF)
     places = _READ_FRICTION[model.dialect]
     friction = [any(elements_at(collision, place) for place in places) for collision in collisions]
     unread = tuple(unread_in_link(model, link, places))

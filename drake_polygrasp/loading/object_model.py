@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from pydrake.geometry import SceneGraphInspector, Shape
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import RigidBody, SpatialInertia
+from pydrake.multibody.tree import SpatialInertia
 
 from drake_polygrasp.arguments import check_flag, check_path, check_paths, check_text
 from drake_polygrasp.geometry.patches import check_tolerances
@@ -24,6 +24,7 @@ from drake_polygrasp.loading.body_object import (
     covering_parts,
     describe_group,
     lesser_friction,
+    listed,
     mass_properties,
     object_of,
     stated_friction,
@@ -31,7 +32,7 @@ from drake_polygrasp.loading.body_object import (
 from drake_polygrasp.loading.model_statements import Statements, read_statements
 from drake_polygrasp.loading.packages import is_uri
 from drake_polygrasp.loading.parsed_model import ParsedModel, parse_model
-from drake_polygrasp.loading.rigid_group import Collider
+from drake_polygrasp.loading.rigid_group import Collider, bodies_beside, rigid_bodies
 from drake_polygrasp.loading.scale import check_scale
 from drake_polygrasp.loading.shapes import is_hull, mended
 
@@ -94,7 +95,9 @@ def load_object(
     parsed = parse_model(model_file, body_name, package_paths, packages, scale)
     files, group, warnings = parsed.files, parsed.group, parsed.warnings
     where = f"{files.model_file}: body '{group.body.name()}'"
-    warnings += describe_group(group, where, joints_free)
+    warnings += describe_group(group, where, joints_free, bodies_beside(parsed.plant, group))
+    if parsed.plant.num_constraints() and len(rigid_bodies(parsed.plant)) > 1:
+        warnings.append(f"{where}: what constraints of the model tie to it is left out")
     inspector = parsed.scene_graph.model_inspector()
     colliders = group.colliders(parsed.plant, inspector)
     links = _statements(parsed, colliders)
@@ -116,9 +119,9 @@ def load_object(
         joints_free=joints_free,
         scale=scale,
     )
-    unstated = [group.name_of(link.body) for link in links if not link.has_mass]
-    if unstated and len(unstated) < len(group.links):
-        names = ", ".join(f"'{name}'" for name in unstated)
+    unstated = [link.name for link in links if not link.has_mass]
+    if unstated and len(unstated) < len(links):
+        names = listed(unstated)
         warnings.append(f"{where}: its mass is unknown, for the model states none of {names}")
     stated = None if unstated else mass_properties(group, parsed.context)
     return object_of(
@@ -167,22 +170,26 @@ def load_solid(
 class _StatedLink(NamedTuple):
     """A link of a rigid body and what its files state of it."""
 
-    body: RigidBody
+    name: str
+    mass: float
+    """Drake's [kg]."""
     colliders: tuple[Collider, ...]
     statements: Statements
 
     @property
     def has_mass(self) -> bool:
         """Whether its mass is stated; a link that is but a frame, without mass, needs none."""
-        mass = self.body.default_mass()
-        return (self.statements.mass and mass > 0) or (mass == 0 and not self.colliders)
+        if self.mass == 0:
+            return not self.colliders
+        return self.statements.mass and self.mass > 0
 
 
 def _statements(parsed: ParsedModel, colliders: Sequence[Collider]) -> list[_StatedLink]:
     inspector = parsed.scene_graph.model_inspector()
     return [
         _StatedLink(
-            link.body,
+            parsed.group.name_of(link.body),
+            link.body.default_mass(),
             tuple(c for c in colliders if c.link.index() == link.body.index()),
             read_statements(parsed.files, parsed.plant, inspector, link.body),
         )
@@ -196,8 +203,8 @@ def _friction(
     """The coefficient of each collider, and what was assumed of it."""
     friction: list[float] = []
     warnings: list[str] = []
-    for link, colliders, statements in links:
-        it = where if len(links) == 1 else f"{where}: link '{link.name()}'"
+    for link, _, colliders, statements in links:
+        it = where if len(links) == 1 else f"{where}: link '{link}'"
         places = " or ".join(statements.unread)
         reason = f", for Drake reads no friction from {places}" if places else ""
         for geometry, _, _ in colliders:

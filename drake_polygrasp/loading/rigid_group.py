@@ -174,6 +174,31 @@ def rigid_bodies(plant: MultibodyPlant) -> list[list[RigidBody]]:
     return bodies
 
 
+def bodies_beside(plant: MultibodyPlant, group: RigidGroup) -> tuple[str, ...]:
+    """Names of other rigid bodies with geometry that the world holds as it holds the group.
+
+    None where the group is free to move; the world itself where it has geometry.
+    """
+    if not group.tied_by:
+        return ()
+    counted = {int(link.body.index()) for link in (*group.links, *group.on_joints)}
+    held = {
+        _across(joint, _WORLD)
+        for joint in _joints(plant)
+        if _across(joint, _WORLD) is not None and not _is_free(joint)
+    }
+    bodies = [[plant.world_body()]]
+    for body in rigid_bodies(plant):
+        indices = {int(link.index()) for link in body}
+        if indices & held and not indices & counted:
+            bodies.append(body)
+    return tuple(
+        group.name_of(body[0])
+        for body in bodies
+        if any(plant.GetCollisionGeometriesForBody(link) for link in body)
+    )
+
+
 def _joints(plant: MultibodyPlant) -> list[Joint]:
     return [plant.get_joint(index) for index in plant.GetJointIndices()]
 
