@@ -57,9 +57,17 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
     Raises:
         ModelError: when a mesh cannot be read, or a face of it is none.
     """
+    warnings: list[str] = []
+    if isinstance(shape, Mesh) and shape.extension() == ".gltf":
+        warnings.append(
+            f"{_source(shape)[0]}: Drake collides with the convex hull of a glTF mesh, and grasps "
+            "are planned on it; if the mesh is not convex, convert it to .obj or .vtk, or contacts "
+            "may touch nothing"
+        )
+        shape = Convex(shape.source(), np.asarray(shape.scale3()))
     if not isinstance(shape, Mesh):
         vertices, triangles = _arrays(_hydroelastic_mesh(shape))
-        return CollisionMesh(shape, vertices[triangles])
+        return CollisionMesh(shape, vertices[triangles], tuple(warnings))
     name, content = _source(shape)
     is_obj = shape.extension() == ".obj"
     if is_obj and shape.source().is_path():
@@ -68,7 +76,6 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
         vertices, triangles = _arrays(ReadObjToTriangleSurfaceMesh(path, scale3))
     else:
         vertices, triangles = _arrays(_hydroelastic_mesh(shape))
-    warnings: list[str] = []
     if is_obj:
         try:
             triangles = _with_whole_faces(content, shape, name, vertices, triangles, warnings)

@@ -13,6 +13,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
+from drake_polygrasp.loading.gltf_file import gltf_positions
 from drake_polygrasp.loading.numbers import floats, integers
 from drake_polygrasp.loading.obj_file import read_obj
 
@@ -26,16 +27,19 @@ _MIN_COUNT = 4
 
 
 def check_mesh_file(mesh_file: Path) -> None:
-    """Raise ModelError unless Drake can safely read the collision mesh, an OBJ or a VTK file."""
+    """Raise ModelError unless Drake can safely read the collision mesh."""
     suffix = mesh_file.suffix.lower()
-    if suffix not in (".obj", ".vtk"):
+    if suffix not in (".obj", ".vtk", ".gltf"):
         raise ModelError(
             f"{mesh_file}: Drake offers no triangles of '{suffix}' collision meshes; "
             "convert it to .obj or .vtk"
         )
     content = read_bytes(mesh_file, "mesh", MAX_BYTES, ModelError)
     try:
-        (_check_obj if suffix == ".obj" else _check_vtk)(content)
+        if suffix == ".gltf":
+            _check_gltf(content, mesh_file.parent)
+        else:
+            (_check_obj if suffix == ".obj" else _check_vtk)(content)
     except ValueError as error:
         raise ModelError(f"{mesh_file}: {error}; repair the mesh") from error
 
@@ -49,6 +53,12 @@ def _check_obj(content: bytes) -> None:
     if num_triangles < _MIN_COUNT:
         raise ValueError(f"a solid needs at least {_MIN_COUNT} triangles, it has {num_triangles}")
     _check_count(num_triangles)
+
+
+def _check_gltf(content: bytes, folder: Path) -> None:
+    positions = gltf_positions(content, folder, MAX_BYTES)
+    _check_count(len(positions))
+    _check_vertices(positions)
 
 
 def _check_vtk(content: bytes) -> None:

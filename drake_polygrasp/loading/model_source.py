@@ -13,6 +13,7 @@ from pydrake.multibody.parsing import PackageMap
 
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
+from drake_polygrasp.loading.gltf_file import gltf_buffer_files
 from drake_polygrasp.loading.mesh_file import MAX_BYTES
 from drake_polygrasp.loading.model_checks import check_link, check_names
 from drake_polygrasp.loading.model_document import Addition, read_directives, read_xml
@@ -40,11 +41,19 @@ class ModelFiles:
 
     @property
     def sha256(self) -> str:
-        """Hex digest of the concatenated digests of documents, then meshes."""
+        """Hex digest of the concatenated digests of documents, then meshes with their buffers."""
         digests = hashlib.sha256()
-        for path in dict.fromkeys([*self.documents, *self.meshes]):
+        waiting = [*self.documents, *self.meshes]
+        seen: set[Path] = set()
+        while waiting:
+            path = waiting.pop(0)
+            if path in seen:
+                continue
+            seen.add(path)
             content = read_bytes(path, "model", MAX_BYTES, ModelError)
             digests.update(hashlib.sha256(content).digest())
+            if path.suffix.lower() == ".gltf":
+                waiting = gltf_buffer_files(content, path.parent) + waiting
         return digests.hexdigest()
 
 
