@@ -130,6 +130,13 @@ def test_imports_point_downward(module: Path) -> None:
         assert package != "drake_polygrasp" or its is None or its <= own, name
 
 
+@pytest.mark.parametrize("name", ["pipeline", "plant_ranking"])
+def test_planning_loads_no_plant_until_one_is_asked(name: str) -> None:
+    loaded, result = loaded_by("-c", f"import drake_polygrasp.{name}")
+    assert f"drake_polygrasp.{name}" in loaded, result.stderr[-1000:]
+    assert not {module for module in loaded if module.startswith("pydrake.multibody")}
+
+
 def test_exact_needs_the_standard_library_only() -> None:
     roots = {name.partition(".")[0] for name in imports(PACKAGE / "certification" / "exact.py")}
     assert roots <= set(sys.stdlib_module_names)
