@@ -179,6 +179,49 @@ FILES: dict[str, dict[str, str]] = {
         "bare.sdf": sdf(model("m", BARE)),
         "part.urdf": urdf(urdf_box(0, URDF_MU)),
     },
+    "an include by directives": {
+        "m.dmd.yaml": "directives:\n- add_model: {name: one, file: (HERE)/world.sdf}\n"
+        "- add_model: {name: two, file: (HERE)/world.sdf}\n",
+        "world.sdf": world(include("(HERE)/part.sdf", "its_own")),
+        "part.sdf": sdf(model("part", STATED, model("inner", BARE))),
+    },
+    "a world by directives": {
+        "m.dmd.yaml": "directives:\n- add_model: {name: one, file: (HERE)/world.sdf}\n",
+        "world.sdf": world(model("part", STATED, model("inner", BARE))),
+    },
+    "an include at the top": {
+        "m.sdf": sdf(include("(HERE)/part.sdf", "other")),
+        "part.sdf": sdf(model("part", STATED)),
+    },
+    "names with spaces in MJCF": {
+        "m.xml": mjcf(body(geom(0, FRICTION + ' name=" g "'), geom(1), attributes='name=" b "'))
+    },
+    "names with spaces in URDF": {
+        "m.urdf": urdf(urdf_box(0, URDF_MU) + urdf_box(1))
+        .replace('"link"', '" l k "')
+        .replace('"r"', '" r "')
+    },
+    "names with spaces": {
+        "m.sdf": world(model(" a b ", STATED.replace('"link"', '" l k "')), model("a", BARE)),
+    },
+    "a merged URDF": {
+        "m.sdf": sdf(model("m", include("(HERE)/part.urdf", merge='merge="true"'))),
+        "part.urdf": urdf(urdf_box(0, URDF_MU) + urdf_box(1)),
+    },
+    "an MJCF included": {
+        "m.sdf": sdf(model("m", include("(HERE)/part.xml", "other"), BARE)),
+        "part.xml": mjcf(body(geom(0, FRICTION), geom(1)) + body(geom(2))),
+    },
+    "a merged MJCF": {
+        "m.sdf": sdf(model("m", include("(HERE)/part.xml", merge='merge="1"'), link(name="other"))),
+        "part.xml": mjcf(body(geom(0, FRICTION), geom(1), attributes='name="a"')),
+    },
+    "MJCF by directives": {
+        "m.dmd.yaml": "directives:\n- add_model: {name: one, file: (HERE)/bare.sdf}\n"
+        "- add_model: {name: two, file: (HERE)/part.xml}\n",
+        "bare.sdf": sdf(model("m", BARE)),
+        "part.xml": mjcf(body(geom(0, FRICTION)) + body(geom(1))),
+    },
     "a URDF": {"m.urdf": urdf(urdf_box(0) + urdf_box(1, URDF_MU) + urdf_box(2))},
     "a URDF of compliance": {"m.urdf": urdf(urdf_box(0, COMPLIANCE) + urdf_box(1))},
     "a URDF with names that repeat": {

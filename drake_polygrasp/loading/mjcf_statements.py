@@ -27,6 +27,7 @@ class MjcfGeom:
     """A <geom> that collides."""
 
     name: str
+    """Without the spaces about it."""
     attributes: dict[str, str]
     """Its own and those that its class of defaults adds."""
 
@@ -71,7 +72,7 @@ def collision_geoms(root: Element, body: MjcfBody) -> list[MjcfGeom]:
         name = geom.get("name", f"geom{num_kept}")
         num_kept += 1
         if _integer(attributes, "contype") or _integer(attributes, "conaffinity"):
-            geoms.append(MjcfGeom(name, attributes))
+            geoms.append(MjcfGeom(name.strip(), attributes))
     return geoms
 
 

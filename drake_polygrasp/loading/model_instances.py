@@ -65,10 +65,10 @@ def _models(
     else:
         for scope in (root, *root.findall("world")):
             for model in scope.findall("model"):
-                own = _join(parent, name or model.get("name"))
+                own = _join(parent, name or sdf_name(model))
                 yield from _sdf_model(files, model, path, own)
             for include in scope.findall("include"):
-                yield from _included(files, include, path, parent)
+                yield from _included(files, include, path, parent, name)
 
 
 def _sdf_model(
@@ -76,18 +76,18 @@ def _sdf_model(
 ) -> Iterator[tuple[str, StatedModel]]:
     yield name, StatedModel(model, Dialect.SDF, path)
     for nested in model.findall("model"):
-        yield from _sdf_model(files, nested, path, _join(name, nested.get("name")))
+        yield from _sdf_model(files, nested, path, _join(name, sdf_name(nested)))
     for include in model.findall("include"):
         yield from _included(files, include, path, name)
 
 
 def _included(
-    files: ModelFiles, include: Element, path: Path, parent: str
+    files: ModelFiles, include: Element, path: Path, parent: str, name: str | None = None
 ) -> Iterator[tuple[str, StatedModel]]:
     file = files.includes.get((path, (include.findtext("uri") or "").strip()))
     if file is None:
         return
-    name = (include.findtext("name") or "").strip() or None
+    name = name or (include.findtext("name") or "").strip() or None
     models = _models(files, file, name, parent)
     if include.get("merge", "").strip().lower() not in _MERGED:
         yield from models
@@ -98,6 +98,11 @@ def _included(
         yield _join(parent, scoped_name.removeprefix(own).removeprefix("::")), model
 
 
+def sdf_name(element: Element) -> str:
+    """Returns the name of an element of SDF, which is read without the spaces about it."""
+    return element.get("name", "").strip()
+
+
 def _join(parent: str, name: str | None) -> str:
     """Joins names as Drake's ScopedName does."""
-    return "::".join(part for part in (parent, (name or "").strip()) if part)
+    return "::".join(part for part in (parent, name or "") if part)

@@ -18,7 +18,7 @@ from pydrake.multibody.tree import RigidBody
 
 from drake_polygrasp.loading.mjcf_statements import collision_geoms, find_bodies
 from drake_polygrasp.loading.model_checks import check_mass, first_number, is_automatic
-from drake_polygrasp.loading.model_instances import Dialect, StatedModel, find_instances
+from drake_polygrasp.loading.model_instances import Dialect, StatedModel, find_instances, sdf_name
 from drake_polygrasp.loading.model_source import ModelFiles
 from drake_polygrasp.loading.unread_friction import unread_in_link, unread_in_pairs
 from drake_polygrasp.loading.xml_reader import elements_at
@@ -76,9 +76,10 @@ def read_statements(
         ModelError: for a mass that Drake would replace by its own.
     """
     links = list(_links(files, plant, body))
-    scope = f"{plant.GetModelInstanceName(body.model_instance())}::"
+    # SceneGraph takes the spaces about a name away.
+    scope = f"{plant.GetModelInstanceName(body.model_instance())}::".lstrip()
     geometries = plant.GetCollisionGeometriesForBody(body)
-    names = [inspector.GetName(geometry).removeprefix(scope) for geometry in geometries]
+    names = [inspector.GetName(geometry).removeprefix(scope).strip() for geometry in geometries]
     return Statements(
         mass=bool(links) and all(link.mass for link in links),
         friction=dict(zip(geometries, _friction(links, names), strict=True)),
@@ -106,13 +107,14 @@ def _friction(links: Sequence[_Link], names: Sequence[str]) -> tuple[bool, ...]:
 def _links(files: ModelFiles, plant: MultibodyPlant, body: RigidBody) -> Iterator[_Link]:
     """Yields what is said of the body: by one model, unless several are merged."""
     instances = find_instances(files)
-    name = plant.GetModelInstanceName(body.model_instance())
-    for model in instances.get(name, ()):
+    scope = plant.GetModelInstanceName(body.model_instance())
+    for model in instances.get(scope, ()):
         if model.dialect is Dialect.MJCF:
             yield from _mjcf_body(model, plant, body)
         else:
             for link in model.element.findall("link"):
-                if link.get("name") == body.name():
+                name = sdf_name(link) if model.dialect is Dialect.SDF else link.get("name")
+                if name == body.name():
                     yield _sdf_or_urdf_link(model, link, body)
 
 
@@ -128,7 +130,7 @@ def _sdf_or_urdf_link(model: StatedModel, link: Element, body: RigidBody) -> _Li
         return _Link(body.default_mass() > 0, tuple(friction), unread)
     inertial = link.find("inertial")
     mass = is_automatic(inertial) or link.find("inertial/mass") is not None
-    names = [collision.get("name", "") for collision in collisions]
+    names = [sdf_name(collision) for collision in collisions]
     return _Link(mass, dict(zip(names, friction, strict=True)), unread)
 
 
