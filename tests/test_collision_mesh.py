@@ -158,6 +158,13 @@ def test_a_nearly_plane_face_keeps_its_corners() -> None:
     assert (unit_normals(outline[triangles])[0][:, 2] > 0.99).all()
 
 
+def test_a_sliver_keeps_its_sides_though_rounding_makes_them_cross() -> None:
+    outline = np.array([[0, 0, 0], [0.1, 0, 0], [0.05, -1e-7, 0], [0.02, 1e-7, 0]])
+    triangles = triangulate(outline, flatness=1e-6)
+    sides = {(a, b) for t in triangles.tolist() for a, b in zip(t, t[1:] + t[:1], strict=True)}
+    assert sides >= {(0, 1), (1, 2), (2, 3), (3, 0)}
+
+
 def test_a_face_that_crosses_itself_is_named(tmp_path: Path) -> None:
     vertices, faces = extrusion(T_SECTION / 100)
     faces[1][3], faces[1][5] = faces[1][5], faces[1][3]

@@ -79,16 +79,18 @@ def _extent(vertices: Array, corners: Ints, offsets: Ints) -> Array:
     return np.asarray(np.where(high >= low, high - low, 0).max(axis=1, initial=0))
 
 
-def triangulate(outline: Array) -> Ints:
+def triangulate(outline: Array, flatness: float = 0.0) -> Ints:
     """Cuts a nearly plane face into triangles between its corners, wound as its outline is.
 
     The outline may touch itself, as where a bridge joins a hole to the rim.
 
     Args:
         outline: the corners in order, shape (n, 3) [m].
+        flatness: a face whose corners are all this near to one line [m] is cut somehow, for
+            neighbours may need its sides.
 
     Returns:
-        Indices of corners, shape (k, 3); none for a face without area.
+        Indices of corners, shape (k, 3).
 
     Raises:
         ValueError: when the outline crosses itself.
@@ -100,16 +102,19 @@ def triangulate(outline: Array) -> Ints:
     outline = outline[kept]
     area = vector_areas(outline, np.arange(n), np.array([0, n]))[0]
     size = float(np.sqrt(dot(area, area)))
-    if size <= _ROUNDING * np.ptp(outline, axis=0).max() ** 2:
-        return np.empty((0, 3), dtype=np.int64)
+    if size <= _ROUNDING * np.ptp(outline, axis=0).max() ** 2 or _width(outline) <= flatness:
+        return np.stack([np.full(n - 2, kept[0]), kept[1:-1], kept[2:]], axis=1)
     middle = outline.mean(axis=0)
     xy = times(outline - middle, face_frame(area / size)[:, :2])
     polygon = shapely.Polygon(xy)
-    if not polygon.is_valid:
-        polygon = shapely.make_valid(polygon)
-    if abs(polygon.area - size) > _CROSSING * size:
+    try:
+        if not polygon.is_valid:
+            polygon = shapely.make_valid(polygon)
+        pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    except shapely.GEOSException:
+        raise ValueError("its outline cannot be told") from None
+    if abs(shapely.area(pieces).sum() - size) > _CROSSING * size:
         raise ValueError("its outline crosses itself")
-    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     corners = shapely.get_coordinates(shapely.orient_polygons(pieces)).reshape(-1, 4, 2)[:, :3]
     # Where an outline touches itself, two corners are in one place, and either will do.
     tree = shapely.STRtree(shapely.points(xy))
@@ -118,3 +123,15 @@ def triangulate(outline: Array) -> Ints:
     if (off > _CROSSING * np.sqrt(size)).any():
         raise ValueError("its outline crosses itself")
     return np.asarray(kept[nearest.reshape(-1, 3)])
+
+
+def _width(outline: Array) -> float:
+    """Greatest distance of corners from the line between two that are far from one another [m]."""
+    start = outline[np.argmax(_lengths(outline - outline.mean(axis=0)))]
+    arm = outline - start
+    side = arm[np.argmax(_lengths(arm))]
+    return float(_lengths(cross(arm, side)).max() / np.linalg.norm(side))
+
+
+def _lengths(vectors: Array) -> Array:
+    return np.sqrt(dot(vectors, vectors))

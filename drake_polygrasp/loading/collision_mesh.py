@@ -30,7 +30,7 @@ from pydrake.math import RigidTransform
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.face_triangles import faces_cut_wrongly, triangulate
-from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE
+from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.geometry.shells import faces_inward
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.mesh_file import MAX_BYTES
@@ -145,11 +145,12 @@ def _with_whole_faces(
         triangles[np.repeat(~wrong, sizes - 2)] = corners[np.repeat(~wrong, sizes)].reshape(-1, 3)
     if not wrong.any():
         return triangles
+    flatness = FLATNESS * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     kept = np.split(triangles, np.cumsum(sizes - 2)[:-1])
     for k in np.flatnonzero(wrong):
         face = corners[obj.offsets[k] : obj.offsets[k + 1]]
         try:
-            kept[k] = face[triangulate(vertices[face])]
+            kept[k] = face[triangulate(vertices[face], flatness)]
         except ValueError as error:
             raise ValueError(f"face {k + 1}: {error}") from error
     warnings.append(
