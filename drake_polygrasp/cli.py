@@ -157,6 +157,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[int, str]:
             "num_certified": plan.num_certified,
             "seconds": {"load": load_seconds, **plan.seconds},
             "reasons": plan.reasons,
+            "outcome": plan.outcome,
             "output": str(output) if plan.grasps else None,
             "grasps": [grasp_document(grasp) for grasp in plan.grasps],
             **({"gap": gap_document(gap)} if gap else {}),

@@ -167,10 +167,11 @@ def _add_plan(commands: Any) -> None:
     )
     parser.add_argument(
         "--effort",
-        choices=("full", "quick"),
+        choices=("full", "quick", "complete"),
         default="full",
         help="quick: search less and without the paper's stages, for grasps of a somewhat lower "
-        "epsilon and without Q in a fraction of the time (default: full)",
+        "epsilon and without Q in a fraction of the time; complete: evaluate every set of faces, "
+        "up to 20 million, however many grasps are found (default: full)",
     )
     parser.add_argument(
         "--gap",

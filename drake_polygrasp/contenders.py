@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -114,10 +115,21 @@ class Contenders:
         self.outcome[rows[~whole]] = CODE[reason]
         return rows[whole]
 
-    def judge_best(self, rows: Ints, score: Array, wanted: int) -> dict[int, Proof]:
+    def judge_best(
+        self, rows: Ints, score: Array, wanted: int, known: Iterable[int] = ()
+    ) -> dict[int, Proof]:
         """Judges candidates of best score until `wanted` sets hold and the next score is less.
 
         Scores nearer than EQUAL_QUALITY are a tie.
+
+        Args:
+            rows: the candidates.
+            score: of each.
+            wanted: how many sets are to hold, with those of known rows.
+            known: candidates that hold.
+
+        Returns:
+            The proofs of those that are found to hold.
         """
         waiting = self.outcome[rows] == UNJUDGED
         rows, score = rows[waiting], np.round(score[waiting] / EQUAL_QUALITY)
@@ -126,7 +138,7 @@ class Contenders:
         set_index = self.candidates.set_index
         proofs: dict[int, Proof] = {}
         while len(rows):
-            held = np.unique(set_index[list(proofs)])
+            held = self.sets_of([*known, *proofs])
             missing = wanted - len(held)
             if missing <= 0:
                 break
@@ -193,14 +205,32 @@ class Contenders:
         scale: Literal["paper", "object"] = "paper" if self.task.method == "paper" else "object"
         return Quality(scale, float(to_decimals(np.prod(q))), (q_1, q_2, q_3, q_4, q_5))
 
+    def followed_by(self, more: Contenders) -> Contenders:
+        """These candidates and then others, whose plan has all sets of both."""
+        return Contenders(
+            self.task,
+            more.plan,
+            joined_candidates(self.candidates, more.candidates),
+            *(
+                np.concatenate([getattr(self, name), getattr(more, name)])
+                for name in ("nhat_TB_B", "mu", "face", "kind", "outcome")
+            ),
+        )
+
+    def sets_of(self, rows: Iterable[int]) -> Ints:
+        """The sets of some candidates, each once, ascending positions."""
+        sets: Ints = np.unique(self.candidates.set_index[np.fromiter(rows, dtype=np.int64)])
+        return sets
+
     def set_codes(self) -> Codes:
         """What became of each set: the best of its candidates' outcomes."""
         code = self.plan.code.copy()
         standing = np.select(
             [self.outcome == CODE["certified"], self.outcome == UNJUDGED], [0, 1], 2
         )
-        # A set that no stage of the paper lets pass keeps its reason unless a grasp of it holds.
-        speaks = (standing == 0) | ~np.isnan(self.candidates.q).any(axis=1)
+        # A set that no stage of the paper lets pass keeps its reason unless a grasp of it holds, or
+        # one that may hold has not been judged.
+        speaks = (standing <= 1) | ~np.isnan(self.candidates.q).any(axis=1)
         # Written in this order, the best and then the first candidate of a set has the last word.
         order = np.lexsort((-np.arange(len(standing)), -standing))
         order = order[speaks[order]]
@@ -223,14 +253,21 @@ def is_clear(task: Task, p_BC: Array, nhat_TB_B: Array) -> Bools:
     return ~task.obstacles.block(p_BC - tip_radius * nhat_TB_B, reach)
 
 
-def contenders(task: Task, plan: SetPlan, triples: Triples | None) -> Contenders:
+def contenders(task: Task, plan: SetPlan, triples: Triples | None, first: int = 0) -> Contenders:
     """All that was constructed, and triples of the plan's sets, as far as the closed form.
 
     Contacts are rounded to the digits that a grasp file states: all that follows is of these.
+
+    Args:
+        task: what to plan for.
+        plan: sets of regions and what the paper's stages make of them.
+        triples: more contacts on these sets.
+        first: the first of the constructions that is not among other candidates already.
     """
-    polyhedron, regions, rows = task.object_.polyhedron, task.regions, plan.candidates
+    polyhedron, regions = task.object_.polyhedron, task.regions
+    rows = plan.candidates.take(np.arange(first, len(plan.candidates.set_index)))
     if triples is not None:
-        rows = _joined(rows, _candidates_of(regions, plan, triples))
+        rows = joined_candidates(rows, _candidates_of(regions, plan, triples))
     face, mu = regions.face[rows.region], regions.mu[rows.region]
     built = has_contacts(rows.p_BC)
     outcome = np.where(built, UNJUDGED, plan.code[rows.set_index]).astype(np.int8)
@@ -268,7 +305,8 @@ def _planes_of(p_BC: Array, rows: Candidates, slack: float) -> tuple[Array, Arra
     return nhat_B, p_BP
 
 
-def _joined(first: Candidates, second: Candidates) -> Candidates:
+def joined_candidates(first: Candidates, second: Candidates) -> Candidates:
+    """All rows of both."""
     return Candidates(
         *(
             np.concatenate([getattr(first, column.name), getattr(second, column.name)])

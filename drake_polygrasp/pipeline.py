@@ -11,29 +11,24 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_polygrasp.arguments import check_choice, check_count, check_instance
-from drake_polygrasp.arrays import Array, Ints, frozen, keep_freed_memory
+from drake_polygrasp.arrays import Ints, frozen, keep_freed_memory
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
-from drake_polygrasp.contenders import KINDS, Contenders
+from drake_polygrasp.contenders import Contenders
 from drake_polygrasp.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+from drake_polygrasp.judging import Rank, everything, proved
 from drake_polygrasp.planning.effort import EffortName
-from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.orientation import least_opposing_friction
-from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method
-from drake_polygrasp.planning.variants import Steps, place_in_set, tied
-from drake_polygrasp.proposals import constructed, enriched, quick
-from drake_polygrasp.task import Task, make_task, rows_of
+from drake_polygrasp.planning.outcome import REASONS, UNJUDGED, Method
+from drake_polygrasp.planning.variants import Steps
+from drake_polygrasp.task import make_task
 
-Rank = Literal["epsilon", "margin", "Q"]
-
-SETS_OF_A_KIND = 10
-"""Sets of each kind that are proved at least to be ranked by margin, ours: Q favours two-face
-sets, though three faces hold best on most objects without parallel faces."""
-SPARE = 2
-"""Sets proved beyond those wanted, for estimates do not quite rank as epsilon, ours."""
+PlanOutcome = Literal["grasps", "none_found", "no_certified_grasp"]
+"""How planning ends: with grasps; with none, though not every set of faces was evaluated; or with
+none on any set."""
 
 
 @dataclass(frozen=True, order=True)
@@ -67,8 +62,24 @@ class GraspPlan:
 
     @property
     def num_certified(self) -> int:
-        """Sets with a certified grasp, of those evaluated."""
+        """Sets on which a grasp was proved so far.
+
+        Planning ends when enough grasps are proved, so more sets may have one, unless all were
+        evaluated: effort "complete" does, and then the number does not depend on `top`.
+        """
         return self.reasons.get("certified", 0)
+
+    @property
+    def num_not_evaluated(self) -> int:
+        """Sets of which nothing is known: they were not looked at, or not to the end."""
+        return self.reasons.get("not_evaluated", 0)
+
+    @property
+    def outcome(self) -> PlanOutcome:
+        """Whether there are grasps, and if not, whether every set of faces was evaluated."""
+        if self.grasps:
+            return "grasps"
+        return "none_found" if self.num_not_evaluated else "no_certified_grasp"
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +129,14 @@ def plan_grasps(
         obstacles: what fingertips must not penetrate beside the object; see
             `obstacles_from_plant`.
         steps: what "enriched" does beyond the paper (default: all).
-        effort: "quick" searches a few points, without the paper's stages, so that grasps have no
-            Q; where it finds none, "full" follows. For "enriched", ranked by epsilon.
+        effort: how long to search. "full" goes on where it finds fewer grasps than `top`: with
+            denser points, then with sets of faces that it left out, up to 32,000 of them, or
+            300,000 where it finds none. "quick" searches a few points, without the paper's stages,
+            so that grasps have no Q; where it finds none, "full" follows. It is for "enriched",
+            ranked by epsilon. "complete" evaluates every set of faces, however long that takes.
+
+    Returns:
+        The plan. Where it has no grasps, `outcome` says whether all sets of faces were evaluated.
 
     Raises:
         UsageError: when a parameter is not what it may be.
@@ -142,10 +159,7 @@ def plan_grasps(
     task = make_task(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
-    quickly = effort == "quick"
-    work, proofs = _proved(task, steps or Steps(), rank, top, quickly=quickly)
-    if quickly and not proofs:
-        work, proofs = _proved(task, Steps(), rank, top, quickly=False)
+    work, proofs = proved(task, steps or Steps(), rank, top, effort)
     order = _ranked(work, proofs, rank)
     planned = perf_counter()
     grasps = _certified(work, proofs, order, rank, top)
@@ -173,19 +187,15 @@ def explain_sets(
 ) -> Explanation:
     """Follows every set of faces through the paper's stages; arguments as of `plan_grasps`.
 
-    Sets that only `plan_grasps` finds a grasp for, beyond the paper, are certified too.
+    Sets that only the search beyond the paper finds a grasp for are certified too: all that
+    `plan_grasps` certifies, however many grasps it is asked for.
     """
     task = make_task(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
-    work = constructed(task, Steps())
+    work = everything(task, Steps())
     work.judge(np.flatnonzero(work.outcome == UNJUDGED))
     code = work.set_codes()
-    if method == "enriched":
-        beyond = enriched(task, Steps())
-        _judged_by_estimate(beyond, _estimates(beyond), SETS_OF_A_KIND + SPARE)
-        found = beyond.plan.sets[beyond.set_codes() == CODE["certified"]]
-        code[rows_of(work.plan.sets, found)] = CODE["certified"]
     counts = task.counts(code)
     sets, code = task.with_excluded(work.plan.sets, code)
     # A pair's third region, -1, becomes face -1.
@@ -197,53 +207,6 @@ def explain_sets(
         None if counts.get("certified") else least_opposing_friction(task.regions.nhat_TB_B),
         task.excluded_faces,
     )
-
-
-def _proved(
-    task: Task, steps: Steps, rank: Rank, top: int, *, quickly: bool
-) -> tuple[Contenders, dict[int, Proof]]:
-    if task.method == "enriched" and rank == "epsilon":
-        if not quickly:
-            work = enriched(task, steps)
-            return work, _judged_by_estimate(work, _estimates(work), top + SPARE)
-        work, estimate = quick(task, top)
-        if task.object_.polyhedron.is_patch.any():  # there, seats turn normals
-            estimate = _estimates(work)
-        return work, _judged_by_estimate(work, estimate, top)
-    work = constructed(task, steps)
-    return work, _judged_by_quality(work, rank, top)
-
-
-def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proof]:
-    if rank == "Q":
-        rows = np.arange(len(work.outcome))
-        return work.judge_best(rows, work.candidates.Q, top)
-    proofs: dict[int, Proof] = {}
-    for kind in range(len(KINDS)):
-        rows = np.flatnonzero(work.kind == kind)
-        proofs |= work.judge_best(rows, work.candidates.Q[rows], max(top, SETS_OF_A_KIND))
-    return proofs
-
-
-def _estimates(work: Contenders) -> Array:
-    """Of epsilon of all rows that may hold, 0 of others."""
-    rows = np.flatnonzero(work.outcome == UNJUDGED)
-    object_, estimate = work.task.object_, np.zeros(len(work.outcome))
-    estimate[rows] = epsilon_estimates(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
-    return estimate
-
-
-def _judged_by_estimate(work: Contenders, estimate: Array, wanted: int) -> dict[int, Proof]:
-    """Proofs of the two best of each set, by estimates of epsilon; the rest only if needed."""
-    rows = np.flatnonzero(work.outcome == UNJUDGED)
-    score = tied(estimate[rows])
-    order = np.argsort(-score, kind="stable")
-    rows, score = rows[order], score[order]
-    is_first = place_in_set(work.candidates.set_index[rows]) < 2
-    proofs = work.judge_best(rows[is_first], score[is_first], wanted)
-    if len({int(work.candidates.set_index[row]) for row in proofs}) < wanted:
-        proofs |= work.judge_best(rows[~is_first], score[~is_first], wanted)
-    return proofs
 
 
 def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:

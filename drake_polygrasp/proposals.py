@@ -94,22 +94,16 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
 
     These are of contacts on the planes of faces, before they are moved to the true surface.
 
-    Sample points of flat faces without room for tips are left out, which costs less than cutting
-    regions. Where improvement then leads into a corner, or so far that a grasp does not hold, the
+    Where improvement then leads into a corner, or so far that a grasp does not hold, the
     triples themselves remain.
     """
     regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
-    region, p_FC = sample_points(regions, num_points(len(regions.face), QUICK))
-    # The surface of a patch is not where its plane is.
-    flat = np.flatnonzero(~task.object_.polyhedron.is_patch[regions.face[region]])
-    contacts = points_on(regions, region[flat], p_FC[flat]), regions.nhat_TB_B[region[flat]]
-    has_room = np.ones(len(region), dtype=bool)
-    has_room[flat] = fits(task, *contacts) & is_clear(task, *contacts)
+    points = quick_points(task)
     # Few triples are of few sets.
     times = 1 + wanted // 2
     rounds = tuple(times * num for num in QUICK.rounds)
     effort = replace(QUICK, kept=times * QUICK.kept, rounds=rounds)
-    found = best_triples(regions, (region[has_room], p_FC[has_room]), *scale, effort)
+    found = best_triples(regions, points, *scale, effort)
     estimate = estimates(regions, found, *scale)
     rows = best_places(found.region, estimate, RESERVE * (wanted + 1), PLACES)
     best, estimate = found.take(rows), estimate[rows]
@@ -118,6 +112,21 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
     triples = joined(Triples(starts.region, p_BC), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
     return contenders(task, unplanned(sets), triples), np.concatenate([risen, estimate])
+
+
+def quick_points(task: Task) -> tuple[Ints, Array]:
+    """A few sample points, their regions (N,) and their coordinates in these (N, 2) [m].
+
+    Those on flat faces without room for tips are left out, which costs less than cutting regions.
+    """
+    regions = task.regions
+    region, p_FC = sample_points(regions, num_points(len(regions.face), QUICK))
+    # The surface of a patch is not where its plane is.
+    flat = np.flatnonzero(~task.object_.polyhedron.is_patch[regions.face[region]])
+    contacts = points_on(regions, region[flat], p_FC[flat]), regions.nhat_TB_B[region[flat]]
+    has_room = np.ones(len(region), dtype=bool)
+    has_room[flat] = fits(task, *contacts) & is_clear(task, *contacts)
+    return region[has_room], p_FC[has_room]
 
 
 def _known(regions: Regions, plan: SetPlan) -> Triples:

@@ -38,7 +38,7 @@ MEANING = {
     "obstructed": ("fingertips", "an obstacle is where a fingertip would be"),
     "not_force_closure": ("proof", "the contacts do not hold the object"),
     "undecided": ("proof", "neither proved to hold nor proved not to"),
-    "not_evaluated": ("search", "cannot be among the best, so it was not evaluated"),
+    "not_evaluated": ("search", "enough grasps were proved before it was its turn"),
 }
 """What ended a set of faces: the step, with its section in the paper, and a sentence."""
 MOST_NAMED = 12
@@ -54,7 +54,7 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
     return "\n".join(
         [
             f"{_head(model, len(object_.polyhedron.faces), plan.excluded_faces, plan.num_sets)}, "
-            f"{plan.num_certified} certified{_not_evaluated(plan)}",
+            f"{_counts(plan)}",
             *aligned(
                 [(*row, *cell) for row, cell in zip([header, units, *rows], in_plant, strict=True)]
             ),
@@ -65,10 +65,11 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
     )
 
 
-def _not_evaluated(plan: GraspPlan) -> str:
-    """That of many sets, or in a hurry, not all are looked at."""
-    count = plan.reasons.get("not_evaluated", 0)
-    return f", {count} not evaluated" if count else ""
+def _counts(plan: GraspPlan) -> str:
+    """How many sets have a proved grasp; "so far" where more may have one."""
+    if not plan.num_not_evaluated:
+        return f"{plan.num_certified} certified, all evaluated"
+    return f"{plan.num_certified} proved so far, {plan.num_not_evaluated} not evaluated"
 
 
 def _placement_note(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> list[str]:
@@ -136,14 +137,18 @@ def gap_document(gap: Gap) -> dict[str, Any]:
 
 
 def no_grasp_message(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
-    """That nothing is certified, why, and what might mend it."""
+    """That there is no grasp, or that none was found; why, and what might mend it."""
     reasons = ", ".join(f"{count} {reason}" for reason, count in plan.reasons.items())
+    why = f" ({reasons})" if reasons else ": no two are wide enough for fingers"
+    if plan.outcome == "none_found":
+        result = (
+            f"no grasp found; {plan.num_not_evaluated} of {plan.num_sets} sets of faces were not "
+            f"evaluated{why}; --effort complete evaluates all, --exclude-faces leaves fewer"
+        )
+    else:
+        result = f"no certified grasp; all {plan.num_sets} sets of faces were evaluated{why}"
     left = f"{output} is left as it was" if output.exists() else "no file is written"
-    return (
-        f"{model}: no certified grasp among {plan.num_sets} sets of faces"
-        f"{f' ({reasons})' if reasons else ': no two are wide enough for fingers'}; {left}"
-        f"{_friction_hint(_lacking_friction(object_, plan.mu_needed))}"
-    )
+    return f"{model}: {result}; {left}{_friction_hint(_lacking_friction(object_, plan.mu_needed))}"
 
 
 def _lacking_friction(object_: GraspObject, mu_needed: float | None) -> float | None:

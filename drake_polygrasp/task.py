@@ -63,16 +63,20 @@ class Task:
         return _num_sets(len(self.every_face))
 
     @property
+    def num_allowed_sets(self) -> int:
+        """Those without an excluded region."""
+        return _num_sets(len(self.kept))
+
+    @property
     def excluded_faces(self) -> tuple[int, ...]:
         """Faces whose every set is excluded, ascending."""
         return self.exclusion.excluded_faces(self.object_.polyhedron)
 
     def counts(self, code: Codes) -> dict[str, int]:
         """How many sets ended with each reason, by the codes of those that were evaluated."""
-        num_allowed = _num_sets(len(self.kept))
         counts = np.bincount(code, minlength=len(REASONS))
-        counts[UNJUDGED] += num_allowed - len(code)
-        counts[CODE["excluded"]] += self.num_sets - num_allowed
+        counts[UNJUDGED] += self.num_allowed_sets - len(code)
+        counts[CODE["excluded"]] += self.num_sets - self.num_allowed_sets
         return {reason: int(n) for reason, n in zip(REASONS, counts, strict=True) if n}
 
     def with_excluded(self, sets: Ints, code: Codes) -> tuple[Ints, Codes]:
@@ -84,18 +88,27 @@ class Task:
         codes[rows_of(every, np.append(self.kept, -1)[sets])] = code
         return every, codes
 
+    @property
+    def every_set(self) -> Ints:
+        """All sets of `regions`, shape (M, 3), -1 for a pair's third."""
+        return all_sets(len(self.regions.face))
+
+    def require_countable(self) -> None:
+        """Raises UsageError when all sets are more than `MOST_SETS`."""
+        if self.num_allowed_sets > MOST_SETS:
+            raise UsageError(
+                f"{self.num_allowed_sets:,} sets of faces are too many to follow one by one, which "
+                f"is done up to {MOST_SETS:,}; the method 'enriched', ranked by epsilon, searches "
+                "them without, unless its effort is 'complete'; else exclude faces or directions"
+            )
+
     def plan(self, steps: Steps, chosen: Ints | None = None) -> SetPlan:
         """The paper's stages on all sets or on chosen ones.
 
         Raises UsageError when all are more than `MOST_SETS`.
         """
-        num_sets = _num_sets(len(self.regions.face))
-        if chosen is None and num_sets > MOST_SETS:
-            raise UsageError(
-                f"{num_sets:,} sets of faces are too many to follow one by one, which is done up "
-                f"to {MOST_SETS:,}; the method 'enriched', ranked by epsilon, searches them "
-                "without; else exclude faces or directions"
-            )
+        if chosen is None:
+            self.require_countable()
         L = self.object_.polyhedron.diameter
         return plan_sets(
             self.regions,

@@ -46,6 +46,8 @@ LAYERS = (
         "task",
         "contenders",
         "proposals",
+        "longer_search",
+        "judging",
         "pipeline",
         "gap",
         "plant_results",

@@ -35,6 +35,7 @@ JSON_KEYS = [
     "num_certified",
     "seconds",
     "reasons",
+    "outcome",
     "output",
     "grasps",
 ]
@@ -74,7 +75,10 @@ def polygrasp(command: str, **options: Any) -> subprocess.CompletedProcess[str]:
 def test_plan_writes_what_verify_bears_out(capsys: pytest.CaptureFixture[str]) -> None:
     plan = Run(capsys, f"plan {CUBE}")
     assert (plan.code, plan.err) == (0, "")
-    assert plan.out.splitlines()[0] == f"{CUBE}: 6 faces, 35 sets of faces, 15 certified"
+    assert (
+        plan.out.splitlines()[0]
+        == f"{CUBE}: 6 faces, 35 sets of faces, 15 certified, all evaluated"
+    )
     assert plan.out.splitlines()[-1] == "wrote cube.grasp.yaml"
     verify = Run(capsys, "verify cube.grasp.yaml")
     assert (verify.code, verify.err) == (0, ""), verify.out
@@ -132,12 +136,14 @@ def test_without_a_certified_grasp_an_older_file_is_left_alone(
     older.write_text("older")
     plan = Run(capsys, f"plan {TETRAHEDRON} --json")
     assert plan.code == 1
+    assert "no certified grasp; all 10 sets of faces were evaluated" in plan.err
     assert older.read_text() == "older"
     assert "left as it was" in plan.err
     assert "10 orientation" in plan.err
     assert "0.3536" in plan.err  # 1 / sqrt(8): what its faces need to oppose each other
     document = plan.json()
     assert document["output"] is None
+    assert document["outcome"] == "no_certified_grasp"
     assert document["grasps"] == []
     assert document["num_certified"] == 0
 

@@ -12,7 +12,7 @@ import shapely
 
 from benchmarks import measure
 from benchmarks.peers import random_triples
-from drake_polygrasp import UsageError, pipeline, proposals, task
+from drake_polygrasp import UsageError, judging, proposals, task
 from drake_polygrasp.certification import exact
 from drake_polygrasp.contenders import contenders
 from drake_polygrasp.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
@@ -175,7 +175,7 @@ def test_with_many_regions_only_the_chosen_sets_are_evaluated_and_nothing_is_los
 
 
 @pytest.mark.parametrize("rank", ["margin", "Q"])
-def test_other_ranks_are_of_the_papers_constructions(rank: pipeline.Rank) -> None:
+def test_other_ranks_are_of_the_papers_constructions(rank: judging.Rank) -> None:
     object_ = OBJECTS["channel"]
     grasps = plan_grasps(object_, rank=rank).grasps
     scores = [
@@ -218,7 +218,7 @@ def test_a_quick_grasp_keeps_out_of_corners_that_improvement_leads_into(
         return Triples(starts.region[moved], p_BC[moved])
 
     monkeypatch.setattr(proposals, "improved_triples", into_the_corner)
-    monkeypatch.setattr(pipeline, "enriched", None)  # quick's own, not those that would follow
+    monkeypatch.setattr(judging, "enriched", None)  # quick's own, not those that would follow
     found = plan_grasps(object_, effort="quick", tip_radius=3 * deep)
     assert found.grasps
     for certified in found.grasps:
@@ -230,7 +230,7 @@ def test_where_a_quick_search_finds_none_the_full_one_follows(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     nothing = contenders(task_of(cube()), unplanned(np.array([[0, 1, 2]])), proposals.NO_TRIPLES)
-    monkeypatch.setattr(pipeline, "quick", lambda *_: (nothing, np.empty(0)))
+    monkeypatch.setattr(judging, "quick", lambda *_: (nothing, np.empty(0)))
     found, full = plan_grasps(cube(), effort="quick"), plan("cube")
     assert found.reasons == full.reasons
     assert found.grasps[0].grasp.p_BC.tolist() == full.grasps[0].grasp.p_BC.tolist()

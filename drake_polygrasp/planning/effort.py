@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-EffortName = Literal["full", "quick"]
+EffortName = Literal["full", "quick", "complete"]
+MORE_SETS = 32_000
+"""Ours: where fewer grasps are found than wanted, the paper's stages see so many sets at most,
+which takes about a second."""
+ANY_SETS = 300_000
+"""Ours: and where none is found, so many: some seconds; about 120 regions have as many."""
+CHUNKS = (4_000, 32_000, 128_000)
+"""Ours: so many sets are seen first, those of greatest bound, then so many, then so many. To order
+still more of them takes as long as the paper's stages do."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +48,15 @@ FULL = Effort(
     kept=150,
     rounds=(60, 30, 20, 10, 10, 5, 5, 5),
 )
+DENSE = Effort(
+    points=400,
+    most_points=2600,
+    strides=(4, 2, 1),
+    sources=48,
+    kept=600,
+    rounds=FULL.rounds,
+)
+"""Where `FULL` finds fewer grasps than wanted."""
 QUICK = Effort(
     points=70,
     most_points=120,

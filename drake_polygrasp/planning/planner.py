@@ -24,6 +24,7 @@ from drake_polygrasp.planning.grasp_plane import (
     parallel_directions,
 )
 from drake_polygrasp.planning.orientation import (
+    CHUNK,
     classify,
     friction_angle,
     opposes,
@@ -127,7 +128,8 @@ def _batches(num_regions: int, chosen: Ints | None) -> Iterator[Ints]:
         yield from triples(num_regions)
         yield pairs(num_regions)
     else:
-        yield chosen[chosen[:, 2] >= 0]
+        threes = chosen[chosen[:, 2] >= 0]
+        yield from np.array_split(threes, len(threes) // CHUNK + 1)
         yield chosen[chosen[:, 2] < 0, :2]
 
 
