@@ -313,7 +313,11 @@ def _rigid_bodies(plant: MultibodyPlant) -> list[list[RigidBody]]:
 
 
 def _friction(inspector: Any, geometry: Any) -> tuple[float, float]:
-    pair = inspector.GetProximityProperties(geometry).GetProperty("material", "coulomb_friction")
+    """Static and dynamic coefficient; Drake gives an OBJ file none."""
+    properties = inspector.GetProximityProperties(geometry)
+    if not properties.HasProperty("material", "coulomb_friction"):
+        return 1.0, 1.0
+    pair = properties.GetProperty("material", "coulomb_friction")
     return pair.static_friction(), pair.dynamic_friction()
 
 

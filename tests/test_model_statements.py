@@ -19,9 +19,11 @@ from pydrake.multibody.tree import BodyIndex
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.body_object import DEFAULT_MU
 from drake_polygrasp.loading.object_model import load_object
+from tests.fuzz import CUBE_OBJ
 
 MU = "(MU)"
 """Stands for the coefficient in the models below."""
+FRICTION_PROPERTY = ("material", "coulomb_friction")
 JUDGED = "1.7"
 """The coefficient for Drake to see."""
 BOX = "<box><size>0.1 0.1 0.1</size></box>"
@@ -216,6 +218,12 @@ FILES: dict[str, dict[str, str]] = {
         "m.sdf": sdf(model("m", include("(HERE)/part.xml", merge='merge="1"'), link(name="other"))),
         "part.xml": mjcf(body(geom(0, FRICTION), geom(1), attributes='name="a"')),
     },
+    "an OBJ by directives": {
+        "m.dmd.yaml": "directives:\n- add_model: {name: link, file: (HERE)/link.obj}\n"
+        "- add_model: {name: one, file: (HERE)/stated.sdf}\n",
+        "stated.sdf": sdf(model("m", STATED)),
+        "link.obj": CUBE_OBJ,
+    },
     "MJCF by directives": {
         "m.dmd.yaml": "directives:\n- add_model: {name: one, file: (HERE)/bare.sdf}\n"
         "- add_model: {name: two, file: (HERE)/part.xml}\n",
@@ -326,12 +334,17 @@ def friction_of_drake(model_file: Path) -> dict[str, list[float]]:
     found = {}
     for index in range(1, plant.num_bodies()):
         body = plant.get_body(BodyIndex(index))
-        pairs = [
-            inspector.GetProximityProperties(geometry).GetProperty("material", "coulomb_friction")
+        properties = [
+            inspector.GetProximityProperties(geometry)
             for geometry in plant.GetCollisionGeometriesForBody(body)
         ]
-        if pairs:
-            found[str(body.scoped_name())] = [pair.static_friction() for pair in pairs]
+        if properties:
+            found[str(body.scoped_name())] = [
+                p.GetProperty(*FRICTION_PROPERTY).static_friction()
+                if p.HasProperty(*FRICTION_PROPERTY)
+                else 1.0  # Drake gives an OBJ file none.
+                for p in properties
+            ]
     return found
 
 

@@ -17,11 +17,12 @@ from drake_polygrasp.loading.model_source import ModelFiles
 
 
 class Dialect(StrEnum):
-    """What an XML document of a model is written in."""
+    """What a document of a model is written in."""
 
     SDF = "sdf"
     URDF = "urdf"
     MJCF = "mjcf"
+    OBJ = "obj"
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class StatedModel:
     """A model as a document states it."""
 
     element: Element
-    """<model> of SDF, <robot> of URDF, <mujoco> of MJCF with what it includes."""
+    """<model> of SDF, <robot> of URDF, <mujoco> of MJCF with what it includes; empty of OBJ."""
     dialect: Dialect
     path: Path
 
@@ -40,7 +41,7 @@ _MERGED = ("true", "1")
 def find_instances(files: ModelFiles) -> dict[str, list[StatedModel]]:
     """Finds the models that the files state, by the name of the model instance that Drake adds.
 
-    Several models make one instance where one is merged into another. OBJ files state none.
+    Several models make one instance where one is merged into another.
     """
     found: dict[str, list[StatedModel]] = {}
     for name, model in _models(files, files.model_file, None, ""):
@@ -56,6 +57,8 @@ def _models(
         file = files.includes[path, added.uri]
         yield from _models(files, file, added.name, _join(parent, added.namespace))
     root = files.documents.get(path)
+    if path.suffix.lower() == ".obj":
+        yield _join(parent, name or path.stem), StatedModel(Element("obj"), Dialect.OBJ, path)
     if root is None:
         return
     if root.tag == "robot":

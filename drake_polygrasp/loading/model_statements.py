@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -75,7 +76,7 @@ def read_statements(
     Raises:
         ModelError: for a mass that Drake would replace by its own.
     """
-    links = list(_links(files, plant, body))
+    links = _links(files, plant, body)
     # SceneGraph takes the spaces about a name away.
     scope = f"{plant.GetModelInstanceName(body.model_instance())}::".lstrip()
     geometries = plant.GetCollisionGeometriesForBody(body)
@@ -104,18 +105,27 @@ def _friction(links: Sequence[_Link], names: Sequence[str]) -> tuple[bool, ...]:
     return (bool(every) and all(every),) * len(names)
 
 
-def _links(files: ModelFiles, plant: MultibodyPlant, body: RigidBody) -> Iterator[_Link]:
-    """Yields what is said of the body: by one model, unless several are merged."""
+def _links(files: ModelFiles, plant: MultibodyPlant, body: RigidBody) -> list[_Link]:
+    """What is said of the body: by one model, unless several are merged."""
     instances = find_instances(files)
-    scope = plant.GetModelInstanceName(body.model_instance())
-    for model in instances.get(scope, ()):
-        if model.dialect is Dialect.MJCF:
-            yield from _mjcf_body(model, plant, body)
-        else:
-            for link in model.element.findall("link"):
-                name = sdf_name(link) if model.dialect is Dialect.SDF else link.get("name")
-                if name == body.name():
-                    yield _sdf_or_urdf_link(model, link, body)
+    models = instances.get(plant.GetModelInstanceName(body.model_instance()), [])
+    links = [link for model in models for link in _links_of(model, plant, body)]
+    if links or any(model.dialect is Dialect.OBJ for model in models):
+        return links
+    # Of a model that Drake names otherwise than is known here, all links of the name count.
+    every = chain.from_iterable(instances.values())
+    return [link for model in every for link in _links_of(model, plant, body)]
+
+
+def _links_of(model: StatedModel, plant: MultibodyPlant, body: RigidBody) -> Iterator[_Link]:
+    """Yields what a model says of a link that has the body's name."""
+    if model.dialect is Dialect.MJCF:
+        yield from _mjcf_body(model, plant, body)
+        return
+    for link in model.element.findall("link"):
+        name = sdf_name(link) if model.dialect is Dialect.SDF else link.get("name")
+        if name == body.name():
+            yield _sdf_or_urdf_link(model, link, body)
 
 
 def _sdf_or_urdf_link(model: StatedModel, link: Element, body: RigidBody) -> _Link:
