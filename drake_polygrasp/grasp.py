@@ -173,6 +173,10 @@ class CarriesGrasp(Protocol):
 
 
 AnyGrasp = Grasp | CarriesGrasp
+_BEYOND_MEASURE = 1e9
+"""[m], ours: coordinates of no grasp."""
+_UNIT = 1e-6
+"""Ours: of a unit vector's length; the proof asks for more."""
 
 
 def grasp_of(grasp: AnyGrasp) -> Grasp:
@@ -189,8 +193,16 @@ def grasp_of(grasp: AnyGrasp) -> Grasp:
     for name, shape in (("p_BC", (3, 3)), ("nhat_TB_B", (3, 3)), ("mu", (3,))):
         values = getattr(contacts, name)
         numbers = isinstance(values, np.ndarray) and values.dtype.kind == "f"
-        if not numbers or values.shape != shape or not np.isfinite(values).all():
+        if not numbers or values.shape != shape or not (np.abs(values) <= _BEYOND_MEASURE).all():
             raise UsageError(
-                f"the grasp's {name} must be finite numbers, an array of shape {shape}"
+                f"the grasp's {name} must be floats of at most {_BEYOND_MEASURE:g}, an array of "
+                f"shape {shape}"
             )
+    if not (contacts.mu > 0).all():
+        raise UsageError(f"the grasp's mu is {contacts.mu.tolist()}; each must be above 0")
+    length = np.linalg.norm(contacts.nhat_TB_B, axis=1)
+    if not (np.abs(length - 1) <= _UNIT).all():
+        raise UsageError(
+            f"the grasp's nhat_TB_B are {length.tolist()} long; they must be unit vectors"
+        )
     return contacts

@@ -77,7 +77,21 @@ def verified_plant_lines(report: Report) -> list[str]:
         if grasp.plant is not None
         for v in grasp.plant.verdicts
     ]
-    return aligned([("rank", "check", "verdict", "margin", "unit", ""), *rows]) if rows else []
+    if not rows:
+        return []
+    return [
+        *aligned([("rank", "check", "verdict", "margin", "unit", ""), *rows]),
+        *_surroundings_line(report),
+    ]
+
+
+def _surroundings_line(report: Report) -> list[str]:
+    """What other bodies were there, and for what."""
+    for grasp in report.grasps:
+        if grasp.plant is not None and "surroundings" in grasp.plant.settings:
+            names = ", ".join(grasp.plant.settings["surroundings"]) or "no other body"
+            return [f"in the scene stood {names}: part of geometry, not of statics and simulation"]
+    return []
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -18,9 +18,10 @@ from pydrake.systems.framework import (
 
 from drake_polygrasp.arguments import check_instance, check_number, refuse
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.certification.certify import prove
 from drake_polygrasp.certification.holding import HoldingProgram
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.grasp import AnyGrasp, GraspObject, grasp_of
+from drake_polygrasp.grasp import AnyGrasp, GraspObject, Verdict, grasp_of
 
 LOAD_PORT = "F_BBcm_W"
 """The input port of the load."""
@@ -59,17 +60,20 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
             body: the object's body in the plant, or its index.
 
         Raises:
-            UsageError: when the squeeze is not positive, or the contacts cannot squeeze.
+            UsageError: when the squeeze is not positive, or the grasp is not force closure.
         """
         super().__init__()
         check_instance("object_", object_, GraspObject, "as load_object returns it")
         self._grasp = grasp_of(grasp)
         self._squeeze = check_number("squeeze", squeeze, "a force above 0 N", above=0.0)
         self._body_index = _index_of(body)
+        proof = prove(self._grasp)
+        if proof.verdict is not Verdict.HOLDS:
+            raise UsageError(f"the grasp is not proved force closure: {proof.reason}")
         self._program = HoldingProgram(self._grasp, object_.p_BBcm, object_.rho)
         squeeze_f_B = self._program.forces(np.zeros(6), self._squeeze)
         if squeeze_f_B is None:
-            raise UsageError("the contacts cannot squeeze: the grasp is not force closure")
+            raise UsageError("the contacts cannot squeeze, though the grasp is force closure")
         self._squeeze_f_B: Array = squeeze_f_B
         self._poses = self.DeclareAbstractInputPort(
             "body_poses", AbstractValue.Make([RigidTransform()])
@@ -107,8 +111,13 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
         return super().GetInputPort(port_name)
 
     def _rotation(self, context: Context) -> Array:
-        poses = self._poses.Eval(context)
-        return np.asarray(poses[int(self._body_index)].rotation().matrix())
+        poses, index = self._poses.Eval(context), int(self._body_index)
+        if index >= len(poses):
+            raise UsageError(
+                f"the object's body has index {index}, and the plant has {len(poses)} bodies: "
+                "give GraspForces a body of the plant whose body_poses are connected"
+            )
+        return np.asarray(poses[index].rotation().matrix())
 
     def _calc_forces(self, context: Context, forces: AbstractValue) -> None:
         load = self._load.Eval(context) if self._load.HasValue(context) else SpatialForce.Zero()

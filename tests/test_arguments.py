@@ -93,6 +93,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "patch_angle": None,
         "patch_depth": None,
         "joints_free": False,
+        "scale": None,
         "package_paths": (),
         "packages": None,
     }
@@ -288,6 +289,10 @@ def test_a_certified_grasp_is_as_good_as_a_grasp(tmp_path: Path) -> None:
         {"p_BC": [[0, 0, 0]] * 3},
         {"mu": frozen([0.3, math.nan, 0.3])},
         {"nhat_TB_B": frozen(np.full((3, 3), math.inf))},
+        {"nhat_TB_B": frozen(np.zeros((3, 3)))},
+        {"nhat_TB_B": frozen(2 * np.eye(3))},
+        {"mu": frozen(np.zeros(3))},
+        {"p_BC": frozen(np.full((3, 3), 1e300))},
     ],
 )
 def test_arrays_of_a_grasp_are_checked(change: dict[str, Any]) -> None:

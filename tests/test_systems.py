@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
@@ -116,3 +118,19 @@ def test_force_and_torque_cannot_be_confused() -> None:
     six = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
     with pytest.raises(RuntimeError, match="vector-valued and abstract-valued"):
         builder.Connect(six.get_output_port(), forces.GetInputPort("F_BBcm_W"))
+
+
+def test_what_slips_about_a_line_is_no_grasp_to_hold_with() -> None:
+    """Two opposed fingers, one of them twice, balance each other and let the cube turn."""
+    p_BC = cube_grasp().p_BC.copy()
+    p_BC[1:, 1] = 0.0
+    with pytest.raises(UsageError, match="not proved force closure"):
+        GraspForces(model("cube"), replace(cube_grasp(), p_BC=p_BC), 10.0, BodyIndex(1))
+
+
+def test_a_body_of_another_plant_is_said() -> None:
+    forces = GraspForces(model("cube"), cube_grasp(), 10.0, BodyIndex(7))
+    context = forces.CreateDefaultContext()
+    forces.GetInputPort("body_poses").FixValue(context, [RigidTransform()])
+    with pytest.raises(UsageError, match="index 7, and the plant has 1 bodies"):
+        forces.GetOutputPort("holds").Eval(context)
