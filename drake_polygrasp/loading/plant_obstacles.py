@@ -40,8 +40,9 @@ def obstacles_from_plant(
     """What stands around a body, at the poses in the context.
 
     All collision geometry of the scene counts but the body's own and that of bodies welded to it,
-    which are part of it unless the world is between.
-    A Mesh is its true surface, as in Drake's signed distance to a point, and not its convex hull.
+    which are part of it unless the world is between. Links on its joints count, whether the object
+    was loaded with them as covers or not; twice is as good as once. A Mesh is its true surface, as
+    in Drake's signed distance to a point, and not its convex hull.
 
         obstacles = obstacles_from_plant(plant, body, context, ignore=[gripper_model])
         plan = plan_grasps(object_, obstacles=obstacles)
