@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks import measure
+from benchmarks import measure, scans
 from benchmarks.long_search import Effort, best_known
 from benchmarks.measure import peers
 from benchmarks.objects import generated, models
@@ -198,3 +198,27 @@ def test_the_command_prints_its_tables(tmp_path: Path) -> None:
     assert result["ours"]["epsilon"] > 0.05
     assert result["quick"]["epsilon"] > 0.04
     assert result["ours"]["megabytes"] > 50
+
+
+def test_scans_are_closed_and_of_every_shape_size_and_noise_once() -> None:
+    every = list(scans.scans())
+    assert len(every) == 20
+    for shape in {scan.shape for scan in every}:
+        of_shape = [scan for scan in every if scan.shape == shape]
+        assert [scan.num_triangles for scan in of_shape] == list(scans.SIZES)
+        assert sorted(scan.noise for scan in of_shape) == sorted(scans.NOISES)
+    for scan in every:
+        assert len(scan.triangles) == scan.num_triangles
+        corners = np.unique(scan.triangles.reshape(-1, 3), axis=0, return_inverse=True)[1]
+        directed = np.stack([corners.reshape(-1, 3), np.roll(corners.reshape(-1, 3), -1, 1)], -1)
+        sides = directed.reshape(-1, 2)
+        # Each side is gone along once in each direction.
+        assert len(np.unique(sides, axis=0)) == len(sides)
+        assert (np.unique(sides, axis=0) == np.unique(sides[:, ::-1], axis=0)).all()
+
+
+def test_the_grasps_of_a_scan_are_counted_and_asked_about() -> None:
+    found = scans.result(next(scans.scans()), top=2)
+    assert (found.num_grasps, found.faults) == (2, [])
+    assert found.epsilon is not None
+    assert found.epsilon > 0.05

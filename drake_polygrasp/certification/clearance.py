@@ -23,7 +23,8 @@ class Clearance(NamedTuple):
 def check_clearance(scene: Scene, surroundings: Surroundings) -> Clearance:
     """Measures from the fingertips' centres to links on the object's joints and all around it.
 
-    The tolerance is 2 `FLATNESS` L, as in the planner: what stands around was not modelled closer.
+    The tolerance is 2 `FLATNESS` L, for what stands around was not modelled closer; the planner
+    keeps fingertips clear to `TIP_SLACK` L.
 
     Raises:
         RuntimeError: when Drake takes a shape for no geometry, or SystemExit where it asserts so.
