@@ -55,7 +55,9 @@ class Face:
     def project(self, *axes: Array) -> Polygon:
         """Its shadow A_i^s on the plane of two axes."""
         M, o = np.array(axes) @ self.R[:, :2], np.array(axes) @ self.p
-        return affine_transform(self.polygon, [*M.ravel(), *o])
+        shadow = affine_transform(self.polygon, [*M.ravel(), *o])
+        # Of shadows that differ by the last bit GEOS may say that they share no area.
+        return shapely.transform(shadow, lambda points: np.round(points, 12))
 
     def extent(self, axis: Array, part: shapely.Geometry | None = None) -> Interval:
         xi = shapely.get_coordinates(self.polygon if part is None else part)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.digits import on_grid
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
 from drake_polygrasp.vectors import cross, dot, unit
 
@@ -115,6 +116,9 @@ def row_extremes(low: Array, high: Array, owner: Ints, num_rows: int) -> tuple[A
 def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
     """Orthogonal projections of whole regions, holes included, on planes spanned by u and v.
 
+    Coordinates are rounded, so that those of faces that cover each other are equal: of polygons
+    that differ by the last bit, GEOS may say that they share two points and no area.
+
     Args:
         regions: all regions.
         region: index of each row's region, shape (K,).
@@ -128,7 +132,10 @@ def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
     vertex, vertex_ring = gather(regions.ring_offsets, ring)
     owner = ring_owner[vertex_ring]
     p_BV = regions.p_BV[vertex]
+    size = float(np.ptp(regions.p_BV, axis=0).max(initial=0.0))
     coordinates = np.column_stack([dot(p_BV, u[owner]), dot(p_BV, v[owner])])
+    if size > 0:
+        coordinates = on_grid(coordinates, size)
     ring_starts = np.append(_starts(vertex_ring, len(ring)), len(vertex))
     region_starts = np.append(_starts(ring_owner, len(region)), len(ring))
     polygons: Shapes = shapely.from_ragged_array(
