@@ -160,6 +160,7 @@ def main() -> int:
     parser.add_argument("--most", type=int, default=0, help="generated objects of each size")
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS))
     parser.add_argument("--core-types", nargs="+", choices=[p.core_type for p in PROCESSORS])
+    parser.add_argument("--supported", action="store_true", help="print the core types and end")
     parser.add_argument("--write", nargs="+", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.write:
@@ -169,6 +170,9 @@ def main() -> int:
         write_plans(subjects, Path(options.write[0]), options.write[1:])
         return 0
     processors = supported(options.core_types)
+    if options.supported:
+        print(*(processor.core_type for processor in processors))
+        return 0
     if len(processors) < 2:
         print("nothing is compared: this processor stands for fewer than two of those asked for")
         return 0
