@@ -130,7 +130,7 @@ def _width(outline: Array) -> float:
     start = outline[np.argmax(_lengths(outline - outline.mean(axis=0)))]
     arm = outline - start
     side = arm[np.argmax(_lengths(arm))]
-    return float(_lengths(cross(arm, side)).max() / np.linalg.norm(side))
+    return float(_lengths(cross(arm, side)).max() / np.sqrt(dot(side, side)))
 
 
 def _lengths(vectors: Array) -> Array:
