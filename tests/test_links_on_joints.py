@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
@@ -24,8 +25,10 @@ from drake_polygrasp import (
     save_grasps,
     verify_file,
 )
+from drake_polygrasp.cli import main
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import touch
+from drake_polygrasp.visualization.scene import draw_object
 
 BASE = "0.1 0.08 0.05"
 LID = '<box size="0.1 0.08 0.01"/>'
@@ -229,6 +232,31 @@ def test_files_say_how_links_on_joints_were_taken_and_verify_repeats_it(
     file.write_text(text.replace("joints_free: true", "joints_free: 1"))
     with pytest.raises(GraspFileError, match="joints_free is 1, not true or false"):
         load_grasps(file)
+
+
+def test_the_command_says_once_what_became_of_links_on_joints(
+    write: Write, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, file = str(write(with_lid())), str(tmp_path / "box.grasp.yaml")
+    common = ["plan", path, "--top", "1", "-o", file]
+    assert main(common) == 2
+    assert "several bodies to grasp: 'base', 'lid'" in capsys.readouterr().err
+    for options, said in (([], "are kept where they are"), (["--joints-free"], "are ignored")):
+        assert main([*common, "--body", "base", *options]) == 0
+        lines = [w for w in capsys.readouterr().err.splitlines() if "links on its joints" in w]
+        assert len(lines) == 1
+        assert said in lines[0]
+        assert main(["verify", file]) == 0
+        assert said in capsys.readouterr().err
+    assert main(["show", file, "--joints-free", "--html", str(tmp_path / "a.html")]) == 2
+    assert "states its body and friction, and whether joints are free" in capsys.readouterr().err
+
+
+def test_links_on_joints_are_drawn(write: Write) -> None:
+    meshcat, path = Meshcat(), write(with_lid())
+    for joints_free in (False, True):
+        draw_object(meshcat, load_object(path, body_name="base", joints_free=joints_free))
+        assert meshcat.HasPath("polygrasp/object/links_on_joints") != joints_free
 
 
 def test_a_plant_keeps_links_on_joints_locked(write: Write) -> None:

@@ -28,6 +28,7 @@ from drake_polygrasp.loading.body_object import (
     describe_group,
     identity_of,
     lesser_friction,
+    listed,
     mass_properties,
     object_of,
     stated_friction,
@@ -130,7 +131,8 @@ def object_from_plant(
         scale=scale,
     )
     for difference in _differences(live, filed):
-        raise ModelError(f"{where} is not what {model_file} has: {difference}")
+        fixed = f"; in the plant it is {listed(group.names)}" if len(group.links) > 1 else ""
+        raise ModelError(f"{where} is not what {model_file} has: {difference}{fixed}")
     return replace(filed, body=identity)
 
 
