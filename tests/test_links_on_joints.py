@@ -249,7 +249,7 @@ def test_the_command_says_once_what_became_of_links_on_joints(
         assert main(["verify", file]) == 0
         assert said in capsys.readouterr().err
     assert main(["show", file, "--joints-free", "--html", str(tmp_path / "a.html")]) == 2
-    assert "states its body and friction, and whether joints are free" in capsys.readouterr().err
+    assert "and whether joints are free; leave them out" in capsys.readouterr().err
 
 
 def test_links_on_joints_are_drawn(write: Write) -> None:
