@@ -7,6 +7,7 @@ here regions lose what is near to anything that rises out of their face, and to 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,8 @@ from drake_polygrasp.vectors import circle, times, transformed
 
 _FLAT = 4 * FLATNESS
 """Times L: what rises less belongs to the face."""
+_TRIANGLES_AT_ONCE = 1 << 15
+"""Beside regions, ours: temporaries, and polygons around each, of some 100 MB."""
 _QUARTER = 4
 """Segments of a quarter circle; the polygon is drawn around the circle."""
 
@@ -63,22 +66,36 @@ def _beside(regions: Regions, triangles_B: Array, lowest: Array, tip_radius: flo
     middle_F, half_F = boxes_F.mean(axis=1), np.abs(boxes_F[:, 1] - boxes_F[:, 0]) / 2
     middle_B = regions.p_BF + transformed(regions.R_BF, middle_F)
     half_B = transformed(np.abs(regions.R_BF), half_F)
-    rising = []
+    shapely.prepare(polygons)
+    rising: dict[int, Array] = {}
+    count = 0
     for k, box_F in enumerate(boxes_F):
         near = (least_B <= middle_B[k] + half_B[k]) & (most_B >= middle_B[k] - half_B[k])
         triangles_F = times(triangles_B[near.all(axis=1)] - regions.p_BF[k], regions.R_BF[k])
         inside = (triangles_F.max(axis=1) > box_F[0]) & (triangles_F.min(axis=1) < box_F[1])
-        rising.append(triangles_F[inside.all(axis=1)])
-    owner = np.repeat(np.arange(len(rising)), [len(triangles_F) for triangles_F in rising])
-    if len(owner):
-        blocked, triangle = _blocked(np.concatenate(rising), lowest[owner], tip_radius)
-        owner = owner[triangle]
-        shapely.prepare(polygons)
-        near = shapely.intersects(polygons[owner], blocked)
-        blocked, owner = blocked[near], owner[near]
-        for k in np.unique(owner):
-            polygons[k] -= shapely.union_all(blocked[owner == k])
+        rising[k] = triangles_F[inside.all(axis=1)]
+        count += len(rising[k])
+        if count > _TRIANGLES_AT_ONCE:
+            _cut_off(polygons, rising, lowest, tip_radius)
+            rising, count = {}, 0
+    _cut_off(polygons, rising, lowest, tip_radius)
     return _with_polygons(regions, polygons)
+
+
+def _cut_off(
+    polygons: Shapes, rising: Mapping[int, Array], lowest: Array, tip_radius: float
+) -> None:
+    """Takes from polygons, by index, what is near to the triangles that rise from each."""
+    sizes = [len(triangles_F) for triangles_F in rising.values()]
+    owner = np.repeat(np.array(list(rising), dtype=np.int64), sizes)
+    if not len(owner):
+        return
+    blocked, triangle = _blocked(np.concatenate([*rising.values()]), lowest[owner], tip_radius)
+    owner = owner[triangle]
+    near = shapely.intersects(polygons[owner], blocked)
+    blocked, owner = blocked[near], owner[near]
+    for k in np.unique(owner):
+        polygons[k] -= shapely.union_all(blocked[owner == k])
 
 
 def _outside(regions: Regions, obstacles: Obstacles, tip_radius: float) -> Regions:
