@@ -11,7 +11,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.certification.certify import Proof, certify, prove_many
 from drake_polygrasp.certification.wrench_space import Interval, epsilon_interval
-from drake_polygrasp.digits import on_grid, to_decimals
+from drake_polygrasp.digits import on_grid, significant, to_decimals
 from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
 from drake_polygrasp.geometry.seating import (
     TIP_SLACK,
@@ -203,7 +203,7 @@ class Contenders:
         if np.isnan(q).any():
             return None
         scale: Literal["paper", "object"] = "paper" if self.task.method == "paper" else "object"
-        return Quality(scale, float(to_decimals(np.prod(q))), (q_1, q_2, q_3, q_4, q_5))
+        return Quality(scale, float(significant(np.prod(q))), (q_1, q_2, q_3, q_4, q_5))
 
     def followed_by(self, more: Contenders) -> Contenders:
         """These candidates and then others, whose plan has all sets of both."""
