@@ -11,6 +11,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.geometry import Mesh, ReadObjToTriangleSurfaceMesh
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.in_plant import certify_in_plant
@@ -20,6 +23,7 @@ from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 from drake_polygrasp.loading.object_model import load_object, load_solid
+from drake_polygrasp.loading.plant_object import object_from_plant
 from drake_polygrasp.pipeline import plan_grasps
 from tests.solids import star
 
@@ -247,3 +251,29 @@ def test_vertices_of_no_face_are_left_out_and_said(tmp_path: Path) -> None:
     assert "no face uses 1 of its 9 vertices" in found.warnings[0]
     hull = found.shape.GetConvexHull()
     assert max(np.abs(hull.vertex(k)).max() for k in range(hull.num_vertices())) <= 0.06
+
+
+def test_a_volume_mesh_is_its_boundary_without_a_word(tmp_path: Path) -> None:
+    # A tetrahedron in four, about a vertex inside that no boundary triangle uses.
+    path = tmp_path / "four.vtk"
+    path.write_text(
+        "# vtk DataFile Version 3.0\nfour\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n"
+        "0 0 0\n1 0 0\n0 1 0\n0 0 1\n.2 .2 .2\nCELLS 4 20\n4 0 1 2 4\n4 0 2 3 4\n4 0 3 1 4\n"
+        "4 1 3 2 4\nCELL_TYPES 4\n10\n10\n10\n10\n"
+    )
+    found = read_collision_mesh(Mesh(str(path)))
+    assert not found.warnings
+    assert len(found.triangles_G) == 4
+    assert volume(found.triangles_G) == pytest.approx(1 / 6, rel=1e-12)
+
+
+def test_a_body_of_a_live_plant_is_what_its_file_means(tmp_path: Path) -> None:
+    path = write(tmp_path / "t.obj", *extrusion(T_SECTION / 100))
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    Parser(plant).AddModels(str(path))
+    plant.Finalize()
+    context = plant.GetMyContextFromRoot(builder.Build().CreateDefaultContext())
+    object_ = object_from_plant(plant, "t", context)
+    assert exposed_area(object_) == pytest.approx(0.0152, rel=1e-9)
+    assert any("export triangles" in warning for warning in object_.warnings)

@@ -40,7 +40,7 @@ def part_of(shape: Shape, X_BG: RigidTransform, mu: float) -> Part | None:
 
 def mended(shape: Shape) -> Shape:
     """The shape for plants of our own; a Mesh that Drake would misread, as it is meant."""
-    return read_collision_mesh(shape).shape if isinstance(shape, Mesh) else shape.Clone()
+    return (read_collision_mesh(shape).shape if isinstance(shape, Mesh) else shape).Clone()
 
 
 def is_hull(shape: Shape) -> bool:
