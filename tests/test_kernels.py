@@ -23,7 +23,10 @@ DECIDING = sorted(
     {
         *PACKAGE.glob("geometry/*.py"),
         *PACKAGE.glob("planning/*.py"),
-        *(PACKAGE / "certification" / f"{name}.py" for name in ("certify", "convex")),
+        *(
+            PACKAGE / "certification" / f"{name}.py"
+            for name in ("certify", "convex", "wrench_space")
+        ),
         *(
             PACKAGE / f"{name}.py"
             for name in (
