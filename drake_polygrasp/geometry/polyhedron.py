@@ -142,15 +142,17 @@ class Polyhedron:
     def greatest_rise(self) -> float:
         """How far the highest vertex lies above the plane of any face [m].
 
-        Infinite for bodies with patches, of which the faces say too little, and with covers.
+        Infinite where that is more than `FLATNESS` L, for bodies with patches, of which the faces
+        say too little, and for bodies with covers.
         """
         if self.is_patch.any() or self.is_covered:
             return np.inf
-        vertices = surface_vertices(self)
-        return max(
-            float(times(vertices, Fz).max() - dot(Fz, p_BF))
-            for Fz, p_BF in zip(self.R_BF[:, :, 2], self.p_BF, strict=True)
-        )
+        vertices, rise = surface_vertices(self), 0.0
+        for Fz, p_BF in zip(self.R_BF[:, :, 2], self.p_BF, strict=True):
+            rise = max(rise, float(times(vertices, Fz).max() - dot(Fz, p_BF)))
+            if rise > FLATNESS * self.diameter:
+                return np.inf
+        return rise
 
     @property
     def is_convex(self) -> bool:
