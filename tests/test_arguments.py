@@ -26,6 +26,7 @@ from drake_polygrasp import (
     UsageError,
     certify_in_plant,
     contact_poses,
+    explain_sets,
     load_grasps,
     load_object,
     object_from_plant,
@@ -308,3 +309,10 @@ def test_numbers_of_any_kind_are_numbers() -> None:
     assert check_path("p", Path("a")) == Path("a")
     assert check_array("a", [1, 2, 3], (3,)).tolist() == [1.0, 2.0, 3.0]
     assert rank_in_plant(model("cube"), replace(plan_grasps(model("cube")), grasps=())).grasps == ()
+
+
+def test_a_clearance_that_leaves_no_face_leaves_no_set() -> None:
+    for method in ("paper", "enriched"):
+        plan = plan_grasps(model("cube"), edge_clearance=3.0, method=method)  # type: ignore[arg-type]
+        assert (plan.num_sets, plan.grasps) == (0, ())
+        assert explain_sets(model("cube"), edge_clearance=3.0).reasons == []

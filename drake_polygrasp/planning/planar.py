@@ -132,7 +132,7 @@ def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
     vertex, vertex_ring = gather(regions.ring_offsets, ring)
     owner = ring_owner[vertex_ring]
     p_BV = regions.p_BV[vertex]
-    size = float(np.ptp(regions.p_BV, axis=0).max(initial=0.0))
+    size = float(np.ptp(regions.p_BV, axis=0).max()) if len(regions.p_BV) else 0.0
     coordinates = np.column_stack([dot(p_BV, u[owner]), dot(p_BV, v[owner])])
     if size > 0:
         coordinates = on_grid(coordinates, size)
