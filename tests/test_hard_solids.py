@@ -39,6 +39,13 @@ def spiked_cube(height: float) -> Array:
     return stellated(corners, height)
 
 
+def stellated_icosahedron(height: float) -> Array:
+    g = (1 + 5**0.5) / 2
+    signs = [(a, b) for a in (-1, 1) for b in (-1, 1)]
+    corners = [np.roll([0.0, a, b * g], k) for k in range(3) for a, b in signs]
+    return stellated(0.026 * np.array(corners), height)
+
+
 SOLIDS = {
     "gear, mu 0.1": (gear(10), 0.1),
     "gear, mu 0.3": (gear(17), 0.3),
@@ -46,6 +53,7 @@ SOLIDS = {
     "star, mu 0.2": (star(7, 0.5, 0.02), 0.2),
     "spiked cube, mu 0.1": (spiked_cube(1.5), 0.1),
     "spiked cube, mu 0.3": (spiked_cube(0.8), 0.3),
+    "stellated icosahedron, mu 0.3": (stellated_icosahedron(0.8), 0.3),
 }
 
 

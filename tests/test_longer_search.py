@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from drake_polygrasp.planning.every_set import triples_on_each_set
 from drake_polygrasp.planning.face_support import contacts_on, points_on
 from drake_polygrasp.planning.sample_points import sample_points
 from drake_polygrasp.planning.search import sets_of
+from drake_polygrasp.tables import no_grasp_message
 from drake_polygrasp.wrench import force_closure
 from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism
 from tests.solids import cube, regular_prism, solid
@@ -92,7 +94,7 @@ def test_a_tetrahedron_of_little_friction_has_no_grasp_and_every_set_was_evaluat
 
 
 def test_where_not_all_sets_were_evaluated_no_grasp_is_only_not_found(
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A gear without friction to speak of holds nowhere, but planning ends before it is sure."""
     object_ = solid(gear(10), mu=1e-6)
@@ -106,6 +108,11 @@ def test_where_not_all_sets_were_evaluated_no_grasp_is_only_not_found(
     assert plan.outcome == "none_found"
     assert plan.num_not_evaluated > 0
     assert sum(plan.reasons.values()) == plan.num_sets
+    message = no_grasp_message("gear.obj", object_, plan, tmp_path / "gear.grasp.yaml")
+    left_out = f"{plan.num_not_evaluated} of {plan.num_sets} sets of faces were not evaluated"
+    assert f"gear.obj: no grasp found; {left_out}" in message
+    assert "--effort complete" in message
+    assert "no certified grasp" not in message
     assert plan_grasps(object_, tip_radius=1.0, effort="complete").outcome == "no_certified_grasp"
 
 
