@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 from typing import Any
 
-from drake_polygrasp.loading.model_checks import MAX_FRICTION, MAX_SCALE
-
-MAX_LENGTH = 1000.0
-"""Ours [m]: clearances and radii beyond it are slips of the pen."""
+from drake_polygrasp.command_values import (
+    read_angle,
+    read_component,
+    read_count,
+    read_depth,
+    read_face_set,
+    read_faces,
+    read_friction,
+    read_length,
+    read_package,
+    read_scale,
+)
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -47,7 +54,7 @@ def _add_package_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--package",
         metavar="NAME=DIR",
-        type=_package,
+        type=read_package,
         action="append",
         default=[],
         dest="packages",
@@ -68,7 +75,7 @@ def _add_scale(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scale",
         metavar="S",
-        type=_scale,
+        type=read_scale,
         help="what the lengths of an .obj MODEL are multiplied by, 0.001 for millimetres (default: "
         "1; other models state the scale of their meshes)",
     )
@@ -93,7 +100,7 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
     _add_scale(parser)
     parser.add_argument(
         "--mu",
-        type=_friction,
+        type=read_friction,
         help="friction coefficient of all contacts (default: the model's, the lesser of static "
         "and dynamic; 0.3 where it states none)",
     )
@@ -106,14 +113,14 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--edge-clearance",
         metavar="M",
-        type=_length,
+        type=read_length,
         help="least distance of a contact from its face's edges [m] (default: the lesser of "
         "1 percent of the object's diameter and a fifth of the face's inradius)",
     )
     parser.add_argument(
         "--tip-radius",
         metavar="M",
-        type=_length,
+        type=read_length,
         help="radius of the fingertips that need room [m] (default: 2 percent of the object's "
         "diameter; 0: points)",
     )
@@ -121,7 +128,7 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
         "--avoid-direction",
         metavar=("X", "Y", "Z"),
         nargs=3,
-        type=_component,
+        type=read_component,
         action="append",
         default=[],
         help="no contact where the outward normal is within 45 degrees of this vector in the "
@@ -130,21 +137,21 @@ def _add_object_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--exclude-faces",
         metavar="I,J,K",
-        type=_faces,
+        type=read_faces,
         default=(),
         help="no contact on the faces of these indices, as explain and plan number them",
     )
     parser.add_argument(
         "--patch-angle",
         metavar="RAD",
-        type=_angle,
+        type=read_angle,
         help="how far normals lean within a patch of a curved or noisy surface [rad] (default: "
         "0.21, 12 degrees)",
     )
     parser.add_argument(
         "--patch-depth",
         metavar="M",
-        type=_depth,
+        type=read_depth,
         help="how far facets lie off the plane of their patch [m] (default: 0.5 percent of the "
         "object's diameter)",
     )
@@ -156,7 +163,7 @@ def _add_plan(commands: Any) -> None:
     parser.add_argument(
         "--top",
         metavar="K",
-        type=_count,
+        type=read_count,
         default=10,
         help="how many grasps to write at most (default: 10)",
     )
@@ -177,7 +184,7 @@ def _add_plan(commands: Any) -> None:
         "--gap",
         metavar="NODES",
         nargs="?",
-        type=_count,
+        type=read_count,
         const=0,
         help="say too how near the best grasp is to the best possible one, by branch and bound "
         "over so many pieces of the faces (default: 100000, about a minute); for bodies without "
@@ -241,7 +248,7 @@ def _add_explain(commands: Any) -> None:
     parser.add_argument(
         "--set",
         metavar="I,J,K",
-        type=_face_set,
+        type=read_face_set,
         help="only the sets of these two or three faces (default: all, counted)",
     )
     parser.add_argument(
@@ -268,7 +275,7 @@ def _add_show(commands: Any) -> None:
     parser.add_argument("--body", metavar="NAME", help="the body of MODEL, where there are several")
     _add_joints_free(parser)
     _add_scale(parser)
-    parser.add_argument("--mu", type=_friction, help="friction for MODEL (default: as in plan)")
+    parser.add_argument("--mu", type=read_friction, help="friction for MODEL (default: as in plan)")
     _add_package_options(parser)
 
 
@@ -285,82 +292,3 @@ def _add_export(commands: Any) -> None:
         help="model directives that add contact and fingertip frames to the model, which must be "
         "in the plant already",
     )
-
-
-def _package(text: str) -> tuple[str, str]:
-    name, equals, folder = text.partition("=")
-    if not (name and equals and folder):
-        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=DIR")
-    return name, folder
-
-
-def _number(text: str, most: float) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not 0 <= number <= most:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 to {most:g}")
-    return number
-
-
-def _friction(text: str) -> float:
-    number = _number(text, MAX_FRICTION)
-    if number == 0:
-        raise argparse.ArgumentTypeError("without friction there is no grasp")
-    return number
-
-
-def _scale(text: str) -> float:
-    scale = _number(text, MAX_SCALE)
-    if scale < 1 / MAX_SCALE:
-        raise argparse.ArgumentTypeError(f"{text!r} is below {1 / MAX_SCALE:g}")
-    return scale
-
-
-def _length(text: str) -> float:
-    return _number(text, MAX_LENGTH)
-
-
-def _depth(text: str) -> float:
-    depth = _length(text)
-    if depth == 0:
-        raise argparse.ArgumentTypeError("facets of a curve lie off its patch; more than 0")
-    return depth
-
-
-def _angle(text: str) -> float:
-    angle = _number(text, math.pi / 2)
-    if not 0 < angle < math.pi / 2:
-        raise argparse.ArgumentTypeError(f"{text!r} is not above 0 and below pi/2")
-    return angle
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")
-    return int(text)
-
-
-def _component(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
-    return number
-
-
-def _faces(text: str) -> tuple[int, ...]:
-    indices = text.split(",")
-    if not all(i.isascii() and i.isdigit() for i in indices):
-        raise argparse.ArgumentTypeError(f"{text!r} is not I,J,K, indices of faces")
-    return tuple(sorted(int(i) for i in indices))
-
-
-def _face_set(text: str) -> tuple[int, ...]:
-    faces = _faces(text)
-    if len(faces) not in (2, 3):
-        raise argparse.ArgumentTypeError(f"{text!r} is not I,J or I,J,K, indices of faces")
-    return faces

@@ -61,6 +61,7 @@ LAYERS = (
         "child_process",
         "tables",
         "plant_table",
+        "command_values",
         "command_line",
         "cli",
         "__main__",
