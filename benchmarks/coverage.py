@@ -33,7 +33,7 @@ from drake_polygrasp.certification.wrench_space import RELATIVE_GAP
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.pipeline import plan_grasps
 from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
-from drake_polygrasp.planning.outcome import UNJUDGED
+from drake_polygrasp.planning.reasons import UNJUDGED
 from drake_polygrasp.planning.variants import Steps
 from drake_polygrasp.proposals import constructed
 from drake_polygrasp.task import make_task

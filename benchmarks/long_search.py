@@ -24,8 +24,8 @@ from benchmarks.peers import (
     upper_bound,
 )
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.geometry.regions import nearest_points
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning.planar import nearest_points
 
 NUM_TRIPLES = 50_000
 _POOL = 10_000

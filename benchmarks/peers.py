@@ -16,7 +16,7 @@ from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, epsilon_interval
 from drake_polygrasp.epsilon_bound import epsilon_upper_bound
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.geometry.seating import face_of, seat, tip_fits
 from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates

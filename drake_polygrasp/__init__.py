@@ -18,13 +18,23 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from drake_polygrasp._version import __version__
+
 if TYPE_CHECKING:
     from drake_polygrasp.certification.in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.errors import GraspFileError, ModelError, PolygraspError, UsageError
+    from drake_polygrasp.explain import Explanation, explain_sets
     from drake_polygrasp.export import contact_poses, export_directives
     from drake_polygrasp.gap import BetterGrasp, Gap, epsilon_gap
     from drake_polygrasp.geometry.obstacles import Obstacles
-    from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, GraspObject
+    from drake_polygrasp.grasp import (
+        Certificate,
+        CertifiedGrasp,
+        Grasp,
+        GraspObject,
+        PlantRecord,
+        PlantVerdict,
+    )
     from drake_polygrasp.grasp_file import load_grasps, save_grasps
     from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.loading.plant_object import object_from_plant
@@ -34,14 +44,13 @@ if TYPE_CHECKING:
         load_surroundings,
         surroundings_from_plant,
     )
-    from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
+    from drake_polygrasp.pipeline import GraspPlan, plan_grasps
     from drake_polygrasp.plant_ranking import rank_in_plant
-    from drake_polygrasp.plant_verdicts import PlantRecord, PlantVerdict
     from drake_polygrasp.stated_grasp import GraspFile
     from drake_polygrasp.systems import GraspForces
-    from drake_polygrasp.verification import Report, verify_file
+    from drake_polygrasp.verification import verify_file
+    from drake_polygrasp.verification_report import Report
 
-__version__ = "0.1.0"
 __all__ = [
     "BetterGrasp",
     "Certificate",

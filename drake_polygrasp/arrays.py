@@ -11,7 +11,8 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
-
+Shapes = npt.NDArray[np.object_]
+"""Of shapely geometries."""
 
 _KEPT = 16 << 20
 """[bytes], ours: what a plan makes and frees again and again is less."""
@@ -40,3 +41,16 @@ def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
         array += 0.0
     array.flags.writeable = False
     return array
+
+
+def gather(offsets: Ints, rows: Ints) -> tuple[Ints, Ints]:
+    """Flat indices of the items of `rows`, and the row (0..K-1) that owns each of them."""
+    return ranges(offsets[rows], offsets[rows + 1])
+
+
+def ranges(starts: Ints, ends: Ints) -> tuple[Ints, Ints]:
+    """The integers from each start to before its end, and whose (0..K-1) each of them is."""
+    counts = ends - starts
+    before = np.cumsum(counts) - counts
+    owner = np.repeat(np.arange(len(starts)), counts)
+    return np.arange(counts.sum()) + (starts - before)[owner], owner

@@ -236,7 +236,7 @@ def _explain(arguments: argparse.Namespace) -> tuple[int, str]:
     from drake_polygrasp.tables import all_sets_table, explain_document, one_set_table
 
     explanation, _ = call_in_child(
-        "drake_polygrasp.pipeline:explain_sets",
+        "drake_polygrasp.explain:explain_sets",
         object_,
         task=_task(arguments, f"explaining {arguments.model}"),
         method=arguments.method,

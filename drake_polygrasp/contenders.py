@@ -12,7 +12,8 @@ from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.certification.certify import Proof, certify, prove_many
 from drake_polygrasp.certification.wrench_space import Interval, epsilon_interval
 from drake_polygrasp.digits import on_grid, significant, to_decimals
-from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
+from drake_polygrasp.geometry.face_sets import rows_of, sets_of
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.geometry.seating import (
     TIP_SLACK,
     edge_distance,
@@ -22,16 +23,10 @@ from drake_polygrasp.geometry.seating import (
     tip_fits,
     tips_are_apart,
 )
-from drake_polygrasp.grasp import (
-    CertifiedGrasp,
-    Grasp,
-    GraspPlane,
-    Kind,
-    Quality,
-    Verdict,
-)
+from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
+from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Kind, Quality, Verdict
 from drake_polygrasp.planning.orientation import classify, friction_angle
-from drake_polygrasp.planning.outcome import (
+from drake_polygrasp.planning.reasons import (
     CODE,
     EQUAL_QUALITY,
     UNJUDGED,
@@ -39,8 +34,8 @@ from drake_polygrasp.planning.outcome import (
     SetPlan,
     has_contacts,
 )
-from drake_polygrasp.planning.search import Triples, sets_of
-from drake_polygrasp.task import Codes, Task, rows_of
+from drake_polygrasp.planning.search import Triples
+from drake_polygrasp.task import Codes, Task
 from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrench import force_closure, non_collinear, plane_normal
 

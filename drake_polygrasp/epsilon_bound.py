@@ -12,8 +12,9 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.facet_lines import TINY, Lines, chunks, combined, lines_of, not_flat
+from drake_polygrasp.support import frame_wrenches
 from drake_polygrasp.vectors import cross, dot, unit
-from drake_polygrasp.wrench import contact_frames, frame_wrenches, plane_normal
+from drake_polygrasp.wrench import contact_frames, plane_normal
 
 TURNS = 16
 """Ours: points of a rim that are tried; 32 lower the bound by 0.1 percent more."""

@@ -11,7 +11,7 @@ from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.wrench_space import epsilon_interval
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.seating import tip_fits, tips_are_apart
 from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.pipeline import GraspPlan

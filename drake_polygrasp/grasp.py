@@ -8,10 +8,11 @@ paper's inward n_i), `f_Bc_B` the force on body B at contact c.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -19,9 +20,6 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.geometry.polyhedron import Polyhedron
-
-if TYPE_CHECKING:
-    from drake_polygrasp.plant_verdicts import PlantRecord
 
 Kind = Literal["three_faces", "three_parallel_faces", "two_faces"]
 
@@ -134,6 +132,58 @@ class Certificate:
     """All three friction coefficients may drop at once by less than this."""
     squeeze_force: float | None = field(default=None)
     """[N] of total normal force that holds the weight in every orientation."""
+
+
+@dataclass(frozen=True)
+class PlantVerdict:
+    """One answer to the question whether a grasp holds."""
+
+    name: str
+    """exact, convex, geometry, statics or simulation."""
+    verdict: Verdict
+    """Undecided where the check could not be run."""
+    margin: float | None
+    """What is left until it would not hold; None where the check was not run."""
+    unit: str
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldWeight:
+    """How contacts in a plant hold the object's weight along one axis of B."""
+
+    weight_B: Array
+    """[N], shape (3,)."""
+    residual: float
+    """What the planned forces leave unbalanced, torques over rho, in units of the weight."""
+    p_BC: Array
+    """Where Drake's contact wrenches act [m], shape (3, 3); none, shape (0, 3), if it failed."""
+    f_Bc_B: Array
+    """The forces of Drake's contact wrenches on B [N], likewise."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlantRecord:
+    """The verdicts of a plant on a grasp, as a grasp file states them."""
+
+    verdicts: tuple[PlantVerdict, ...]
+    settings: Mapping[str, Any]
+    """What the plant was asked."""
+    equilibria: tuple[HeldWeight, ...] = ()
+    """Of the weight along +x, +y, +z, -x, -y, -z of B."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether there are verdicts and all of them are "holds"."""
+        return self.verdict is Verdict.HOLDS
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all verdicts; undecided where there is none."""
+        found = {verdict.verdict for verdict in self.verdicts}
+        if Verdict.FAILS in found:
+            return Verdict.FAILS
+        return Verdict.HOLDS if found == {Verdict.HOLDS} else Verdict.UNDECIDED
 
 
 @dataclass(frozen=True, eq=False)

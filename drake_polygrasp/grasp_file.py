@@ -17,7 +17,7 @@ from typing import Any, get_args
 import numpy as np
 import yaml
 
-from drake_polygrasp import __version__
+from drake_polygrasp._version import __version__
 from drake_polygrasp.arguments import check_instance, check_items, check_path, refuse
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.digits import to_decimals

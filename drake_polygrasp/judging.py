@@ -9,11 +9,12 @@ import numpy as np
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.certify import Proof
 from drake_polygrasp.contenders import KINDS, Contenders
+from drake_polygrasp.geometry.face_sets import place_in_set
 from drake_polygrasp.longer_search import completed, extended
 from drake_polygrasp.planning.effort import ANY_SETS, MORE_SETS, EffortName
 from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
-from drake_polygrasp.planning.outcome import CODE, UNJUDGED
-from drake_polygrasp.planning.variants import Steps, place_in_set, tied
+from drake_polygrasp.planning.reasons import CODE, UNJUDGED
+from drake_polygrasp.planning.variants import Steps, tied
 from drake_polygrasp.proposals import constructed, enriched, quick
 from drake_polygrasp.task import Task
 

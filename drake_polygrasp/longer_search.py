@@ -16,18 +16,13 @@ import numpy as np
 
 from drake_polygrasp.arrays import Ints
 from drake_polygrasp.contenders import Contenders, contenders, joined_candidates
+from drake_polygrasp.geometry.face_sets import in_order_of_sets, sets_of, with_sets
 from drake_polygrasp.planning.effort import ANY_SETS, CHUNKS, DENSE, FULL
 from drake_polygrasp.planning.every_set import triples_on_each_set
-from drake_polygrasp.planning.outcome import CODE, SetPlan, has_contacts
+from drake_polygrasp.planning.orientation import sets_oppose
+from drake_polygrasp.planning.reasons import CODE, SetPlan, has_contacts
 from drake_polygrasp.planning.sample_points import num_points, sample_points
-from drake_polygrasp.planning.search import (
-    NO_TRIPLES,
-    Triples,
-    best_triples,
-    in_order_of_sets,
-    joined,
-    sets_of,
-)
+from drake_polygrasp.planning.search import NO_TRIPLES, Triples, best_triples, joined
 from drake_polygrasp.planning.set_bounds import promising_sets
 from drake_polygrasp.planning.tip_room import with_tip_room
 from drake_polygrasp.planning.variants import (
@@ -39,7 +34,7 @@ from drake_polygrasp.planning.variants import (
     improved_triples,
 )
 from drake_polygrasp.proposals import quick_points
-from drake_polygrasp.task import Task, with_sets
+from drake_polygrasp.task import Task
 from drake_polygrasp.wrench import force_closure
 
 
@@ -64,7 +59,9 @@ def extended(task: Task, steps: Steps, work: Contenders) -> Iterator[Contenders]
     for most in CHUNKS:
         if most < num_sets and len(work.plan.sets) < num_sets:
             scale = task.object_.p_BBcm, task.object_.rho
-            sets = promising_sets(task.regions, best, *scale, above=-np.inf, most=most)
+            sets = promising_sets(
+                task.regions, best, *scale, above=-np.inf, most=most, opposing=sets_oppose
+            )
             work = _with(task, steps, work, sets, NO_TRIPLES)
             yield work
     if len(work.plan.sets) < num_sets <= ANY_SETS:
@@ -100,7 +97,7 @@ def _with_all_points(task: Task, steps: Steps, work: Contenders) -> Contenders:
     """With triples of few points on all sets whose faces may oppose each other."""
     scale = task.object_.p_BBcm, task.object_.rho
     points = quick_points(task)
-    triples = triples_on_each_set(task.regions, points, *scale, PLACES)
+    triples = triples_on_each_set(task.regions, points, *scale, PLACES, sets_oppose)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
     return _with(task, steps, work, sets, triples)
 

@@ -3,43 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, Literal, get_args
 
-import numpy as np
 import numpy.typing as npt
 
 from drake_polygrasp.arguments import check_choice, check_count, check_instance
-from drake_polygrasp.arrays import Ints, frozen, keep_freed_memory
-from drake_polygrasp.certification.certify import Proof
-from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, Interval
-from drake_polygrasp.contenders import Contenders
-from drake_polygrasp.epsilon_bound import epsilon_upper_bound
+from drake_polygrasp.arrays import keep_freed_memory
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
-from drake_polygrasp.judging import Rank, everything, proved
+from drake_polygrasp.judging import Rank, proved
 from drake_polygrasp.planning.effort import EffortName
 from drake_polygrasp.planning.orientation import least_opposing_friction
-from drake_polygrasp.planning.outcome import REASONS, UNJUDGED, Method
+from drake_polygrasp.planning.reasons import Method
 from drake_polygrasp.planning.variants import Steps
+from drake_polygrasp.ranking import certified_best, ranked_candidates
 from drake_polygrasp.task import make_task
 
 PlanOutcome = Literal["grasps", "none_found", "no_certified_grasp"]
 """How planning ends: with grasps; with none, though not every set of faces was evaluated; or with
 none on any set."""
-
-
-@dataclass(frozen=True, order=True)
-class _Ranked:
-    """A proved candidate; sorts best first."""
-
-    score: float
-    """Negative, rounded to 1e-9 as the margin is, so that ties stay ties."""
-    margin: float
-    faces: tuple[int, ...]
-    row: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,20 +65,6 @@ class GraspPlan:
         if self.grasps:
             return "grasps"
         return "none_found" if self.num_not_evaluated else "no_certified_grasp"
-
-
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """What became of every set of faces."""
-
-    faces: Ints
-    """Faces of each set, ascending; -1 for a pair's third, shape (M, 3)."""
-    reasons: list[str]
-    """One of outcome.REASONS each, never "not_evaluated"."""
-    counts: dict[str, int]
-    mu_needed: float | None
-    excluded_faces: tuple[int, ...] = ()
-    """Faces whose every set is excluded, ascending."""
 
 
 def plan_grasps(
@@ -160,9 +131,9 @@ def plan_grasps(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
     work, proofs = proved(task, steps or Steps(), rank, top, effort)
-    order = _ranked(work, proofs, rank)
+    order = ranked_candidates(work, proofs, rank)
     planned = perf_counter()
-    grasps = _certified(work, proofs, order, rank, top)
+    grasps = certified_best(work, proofs, order, rank, top)
     certified = perf_counter()
     return GraspPlan(
         grasps,
@@ -173,90 +144,3 @@ def plan_grasps(
         None if grasps else least_opposing_friction(task.regions.nhat_TB_B),
         task.excluded_faces,
     )
-
-
-def explain_sets(
-    object_: GraspObject,
-    *,
-    method: Method = "enriched",
-    edge_clearance: float | None = None,
-    tip_radius: float | None = None,
-    avoid_directions: Iterable[npt.ArrayLike] = (),
-    exclude_faces: Iterable[int] = (),
-    obstacles: Obstacles | None = None,
-) -> Explanation:
-    """Follows every set of faces through the paper's stages; arguments as of `plan_grasps`.
-
-    Sets that only the search beyond the paper finds a grasp for are certified too: all that
-    `plan_grasps` certifies, however many grasps it is asked for.
-    """
-    task = make_task(
-        object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
-    )
-    work = everything(task, Steps())
-    work.judge(np.flatnonzero(work.outcome == UNJUDGED))
-    code = work.set_codes()
-    counts = task.counts(code)
-    sets, code = task.with_excluded(work.plan.sets, code)
-    # A pair's third region, -1, becomes face -1.
-    faces = np.append(task.every_face, -1)[sets]
-    return Explanation(
-        frozen(faces, np.int64),
-        [REASONS[c] for c in code],
-        counts,
-        None if counts.get("certified") else least_opposing_friction(task.regions.nhat_TB_B),
-        task.excluded_faces,
-    )
-
-
-def _ranked(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:
-    """The best candidate of each set, best first."""
-    rows = np.array(sorted(proofs), dtype=np.int64)
-    margin = np.array([proofs[row].margin for row in rows.tolist()])
-    if rank == "Q":
-        score = work.candidates.Q[rows]
-    elif rank == "margin" or len(rows) == 1:  # one alone needs no score
-        score = margin
-    else:
-        object_ = work.task.object_
-        score = epsilon_upper_bound(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
-    entries = sorted(
-        _Ranked(-round(float(s), 9), -round(float(m), 9), tuple(work.face[row].tolist()), int(row))
-        for s, m, row in zip(score, margin, rows, strict=True)
-    )
-    seen: set[int] = set()
-    first = []
-    for entry in entries:
-        set_index = int(work.candidates.set_index[entry.row])
-        if set_index not in seen:
-            seen.add(set_index)
-            first.append(entry)
-    return first
-
-
-def _certified(
-    work: Contenders, proofs: dict[int, Proof], ranked: list[_Ranked], rank: Rank, top: int
-) -> tuple[CertifiedGrasp, ...]:
-    """The `top` best with their certificates."""
-    measured = _of_greatest_epsilon(work, ranked, top) if rank == "epsilon" else {}
-    rows = list(measured) or [entry.row for entry in ranked[:top]]
-    epsilons = [measured.get(row) for row in rows]
-    return work.certified(np.array(rows, dtype=np.int64), [proofs[row] for row in rows], epsilons)
-
-
-def _of_greatest_epsilon(work: Contenders, ranked: list[_Ranked], top: int) -> dict[int, Interval]:
-    """The `top` rows of greatest epsilon, best first, with its bounds.
-
-    Scores are upper bounds: candidates are measured until that of none of the rest is above the
-    intervals of the best by more than these are wide.
-    """
-    found: list[tuple[_Ranked, Interval]] = []
-    for entry in ranked:
-        full = len(found) == top
-        least = min(epsilon.upper for _, epsilon in found) if full else -np.inf
-        if -entry.score * (1.0 - RELATIVE_GAP) <= least:
-            break
-        epsilon = work.epsilon(entry.row, at_least=-found[-1][0].score if full else 0.0)
-        found.append((replace(entry, score=-round(epsilon.lower, 9)), epsilon))
-        found = sorted(found, key=lambda pair: pair[0])[:top]
-    return {entry.row: epsilon for entry, epsilon in found}

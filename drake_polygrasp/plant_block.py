@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from drake_polygrasp.arrays import frozen
-from drake_polygrasp.grasp import Verdict
+from drake_polygrasp.grasp import HeldWeight, PlantRecord, PlantVerdict, Verdict
 from drake_polygrasp.plain_yaml import Block
-from drake_polygrasp.plant_verdicts import HeldWeight, PlantRecord, PlantVerdict
 
 
 def plant_document(record: PlantRecord) -> dict[str, Any]:

@@ -9,9 +9,8 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from drake_polygrasp.arguments import check_callback, check_count, check_instance
-from drake_polygrasp.grasp import CertifiedGrasp, GraspObject, Verdict
+from drake_polygrasp.grasp import CertifiedGrasp, GraspObject, PlantRecord, Verdict
 from drake_polygrasp.pipeline import GraspPlan
-from drake_polygrasp.plant_verdicts import PlantRecord
 from drake_polygrasp.progress import Progress, no_progress
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.grasp import PlantRecord
 from drake_polygrasp.grasp_file import write_document
 from drake_polygrasp.loading.packages import is_uri
 from drake_polygrasp.plain_yaml import read_mapping
 from drake_polygrasp.plant_block import plant_document
-from drake_polygrasp.plant_verdicts import PlantRecord
 
 
 def save_plant_results(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from drake_polygrasp.grasp import CertifiedGrasp
-    from drake_polygrasp.verification import GraspReport, Report
+    from drake_polygrasp.verification_report import GraspReport, Report
 
 MOST_ASKED = 2
 """Times the grasps wanted, ours: how many `plan --plant` has a plant asked about at most."""

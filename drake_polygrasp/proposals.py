@@ -8,22 +8,21 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.contenders import Contenders, contenders, fits, is_clear
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.face_sets import (
+    first_of_each_set,
+    in_order_of_sets,
+    set_numbers,
+    sets_of,
+    with_sets,
+)
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.planning.effort import FULL, QUICK
 from drake_polygrasp.planning.face_support import points_on
 from drake_polygrasp.planning.improvement import improved
-from drake_polygrasp.planning.outcome import SetPlan, has_contacts, unplanned
+from drake_polygrasp.planning.orientation import sets_oppose
+from drake_polygrasp.planning.reasons import SetPlan, has_contacts, unplanned
 from drake_polygrasp.planning.sample_points import num_points, sample_points
-from drake_polygrasp.planning.search import (
-    NO_TRIPLES,
-    Triples,
-    best_triples,
-    first_of_each_set,
-    in_order_of_sets,
-    joined,
-    set_numbers,
-    sets_of,
-)
+from drake_polygrasp.planning.search import NO_TRIPLES, Triples, best_triples, joined
 from drake_polygrasp.planning.set_bounds import promising_sets
 from drake_polygrasp.planning.tip_room import with_tip_room
 from drake_polygrasp.planning.variants import (
@@ -35,7 +34,7 @@ from drake_polygrasp.planning.variants import (
     improved_triples,
     usable,
 )
-from drake_polygrasp.task import Task, with_sets
+from drake_polygrasp.task import Task
 
 MANY_REGIONS = 24
 """Ours: of more, only the sets that the search finds go through the paper's stages."""
@@ -86,7 +85,14 @@ def _promising(task: Task, found: Triples) -> Ints:
     regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
     estimate = estimates(regions, found, *scale)
     best = found.take(best_first(estimate)[: FULL.sources])
-    return promising_sets(regions, best, *scale, estimate.max(initial=-1.0), PROMISING_SETS)
+    return promising_sets(
+        regions,
+        best,
+        *scale,
+        above=estimate.max(initial=-1.0),
+        most=PROMISING_SETS,
+        opposing=sets_oppose,
+    )
 
 
 def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.grasp import Grasp
-from drake_polygrasp.plant_verdicts import PlantRecord
+from drake_polygrasp.grasp import Grasp, PlantRecord
 
 
 @dataclass(frozen=True, eq=False)

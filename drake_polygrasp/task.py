@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from math import comb
 from typing import Any, get_args
 
 import numpy as np
@@ -15,8 +14,13 @@ from drake_polygrasp.arrays import Ints
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import check_same_body
 from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
+from drake_polygrasp.geometry.face_sets import (
+    all_sets,
+    count_sets,
+    rows_of,
+)
 from drake_polygrasp.geometry.obstacles import Obstacles
-from drake_polygrasp.geometry.polyhedron import (
+from drake_polygrasp.geometry.regions import (
     CLEARANCE_OF_INRADIUS,
     DEFAULT_CLEARANCE,
     Regions,
@@ -24,10 +28,8 @@ from drake_polygrasp.geometry.polyhedron import (
 )
 from drake_polygrasp.geometry.seating import least_tip
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning.orientation import pairs, triples
-from drake_polygrasp.planning.outcome import CODE, REASONS, UNJUDGED, Method, SetPlan
 from drake_polygrasp.planning.planner import plan_sets
-from drake_polygrasp.planning.search import set_keys
+from drake_polygrasp.planning.reasons import CODE, REASONS, UNJUDGED, Method, SetPlan
 from drake_polygrasp.planning.variants import Steps
 
 Codes = npt.NDArray[np.int8]
@@ -60,12 +62,12 @@ class Task:
     @property
     def num_sets(self) -> int:
         """Sets of three and of two regions, with those that have an excluded one."""
-        return _num_sets(len(self.every_face))
+        return count_sets(len(self.every_face))
 
     @property
     def num_allowed_sets(self) -> int:
         """Those without an excluded region."""
-        return _num_sets(len(self.kept))
+        return count_sets(len(self.kept))
 
     @property
     def excluded_faces(self) -> tuple[int, ...]:
@@ -175,29 +177,3 @@ def make_task(
         obstacles,
         settings,
     )
-
-
-def all_sets(num_regions: int) -> Ints:
-    """All triples, then all pairs with a third of -1, shape (M, 3)."""
-    couples = np.pad(pairs(num_regions), ((0, 0), (0, 1)), constant_values=-1)
-    return np.concatenate([*triples(num_regions), couples])
-
-
-def _num_sets(num_regions: int) -> int:
-    return comb(num_regions, 3) + comb(num_regions, 2)
-
-
-def with_sets(sets: Ints, more: Ints) -> Ints:
-    """Sets (M, 3), and those of more (K, 3) that are not among them, both without repetition."""
-    greatest = int(max(sets.max(initial=0), more.max(initial=0)))
-    is_new = ~np.isin(set_keys(more, greatest), set_keys(sets, greatest))
-    return np.concatenate([sets, more[is_new]])
-
-
-def rows_of(sets: Ints, wanted: Ints) -> Ints:
-    """Where each wanted set is among the sets, which hold it."""
-    greatest = int(sets.max(initial=0))
-    keys = set_keys(sets, greatest)
-    order = np.argsort(keys, kind="stable")
-    rows: Ints = order[np.searchsorted(keys[order], set_keys(wanted, greatest))]
-    return rows

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,90 +21,18 @@ from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.exclusion import Exclusion
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
-from drake_polygrasp.grasp import GraspObject, Verdict
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.grasp_file import load_grasps
 from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.packages import find_packages, resolve
 from drake_polygrasp.plan_settings import exclusion_of
-from drake_polygrasp.plant_verdicts import PlantRecord
 from drake_polygrasp.progress import Progress, no_progress
 from drake_polygrasp.stated_grasp import GraspFile, StatedGrasp, StatedObject
 
 if TYPE_CHECKING:
-    from drake_polygrasp.certification.in_plant import PlantReport
     from drake_polygrasp.loading.surroundings import Surroundings
-
-
-class Status(StrEnum):
-    """What was done about one line of a grasp."""
-
-    PROVED = "proved"
-    RECOMPUTED = "recomputed"
-    NOT_CHECKED = "not checked"
-    FAILED = "FAILED"
-
-
-@dataclass(frozen=True)
-class Line:
-    """A status and, where there is something to say, a sentence."""
-
-    status: Status
-    reason: str = ""
-
-
-@dataclass(frozen=True)
-class GraspReport:
-    """The three lines of one grasp, and what a plant says of it."""
-
-    forces: Line
-    surface: Line
-    numbers: Line
-    plant: PlantReport | None = None
-    """None where it was not asked for, or the lines leave nothing to ask."""
-    stated_plant: PlantRecord | None = None
-    """What the file states of a plant: not proved again unless it was asked for."""
-
-    @property
-    def lines(self) -> dict[str, Line]:
-        """By name, as they are printed."""
-        return {"FORCES": self.forces, "SURFACE": self.surface, "NUMBERS": self.numbers}
-
-
-@dataclass(frozen=True)
-class Report:
-    """What verification found, grasps in the file's order."""
-
-    path: Path
-    grasps: tuple[GraspReport, ...]
-    model_checked: bool
-    """Whether the model was there to check SURFACE against."""
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def holds(self) -> bool | None:
-        """True if there are grasps and everything about them was checked and holds.
-
-        False if there are none or something does not hold. None if nothing fails, but the model was
-        not there to check SURFACE against, or a plant leaves a grasp undecided.
-        """
-        lines = [line for grasp in self.grasps for line in grasp.lines.values()]
-        plants = {grasp.plant.verdict for grasp in self.grasps if grasp.plant is not None}
-        failed = any(line.status is Status.FAILED for line in lines)
-        if not lines or failed or Verdict.FAILS in plants:
-            return False
-        return True if self.model_checked and Verdict.UNDECIDED not in plants else None
-
-    @property
-    def plant_checked(self) -> bool:
-        """Whether a plant was asked about every grasp."""
-        return all(grasp.plant is not None for grasp in self.grasps)
-
-    @property
-    def plant_decided(self) -> bool:
-        """Whether a plant that was asked about a grasp says that it holds or that it fails."""
-        asked = [grasp.plant for grasp in self.grasps if grasp.plant is not None]
-        return all(plant.verdict is not Verdict.UNDECIDED for plant in asked)
+from drake_polygrasp.verification_report import GraspReport, Line, Report, Status
 
 
 @dataclass(frozen=True)

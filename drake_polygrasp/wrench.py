@@ -20,7 +20,7 @@ from drake_polygrasp.vectors import cross, cross_first, dot, unit
 MIN_AREA_RATIO = 1e-3
 """Ours: twice the contacts' area over the square of their longest side, at least. A non-zero area
 alone means nothing: collinear points, once turned, have one of 1e-19 m^2."""
-_ON_A_SIDE = 1e-9
+ON_A_SIDE = 1e-9
 """Ours: of unit wrenches, what is nearer to a plane than this is on it."""
 _PAIRS = np.array(list(itertools.combinations(range(6), 2)))
 _ENDS = np.array([0, 1, 2, 0, 1, 2])
@@ -99,7 +99,7 @@ def contact_frames(p_BC: Array, nhat_TB_B: Array) -> Array:
     """
     N = plane_normal(p_BC)[:, None]
     tangent = N - dot(N, nhat_TB_B)[..., None] * nhat_TB_B
-    vanishes = dot(tangent, tangent) <= _ON_A_SIDE**2
+    vanishes = dot(tangent, tangent) <= ON_A_SIDE**2
     if vanishes.any():
         axis = np.eye(3)[np.round(np.abs(nhat_TB_B[vanishes]), 9).argmin(axis=-1)]
         tangent[vanishes] = cross(nhat_TB_B[vanishes], axis)
@@ -124,7 +124,7 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
     sin_phi = dot(nhat_TB_B, N[:, None])
     cos_phi = np.sqrt(np.maximum(1.0 - sin_phi**2, 0.0))
     cos_alpha = 1.0 / np.sqrt(1.0 + mu**2)
-    cuts = (cos_phi > cos_alpha + _ON_A_SIDE).all(axis=1)
+    cuts = (cos_phi > cos_alpha + ON_A_SIDE).all(axis=1)
     closed: Bools = cuts & _has_room(area, longest)
     # Few pass so far, and what follows costs most.
     rows = np.flatnonzero(closed)
@@ -140,68 +140,8 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
 
     first, second = _PAIRS.T
     facet = cross_first(wrenches.take(first, axis=1), wrenches.take(second, axis=1))
-    independent = (facet * facet).sum(axis=0) > _ON_A_SIDE**2
+    independent = (facet * facet).sum(axis=0) > ON_A_SIDE**2
     side = np.einsum("cfm,cwm->wfm", facet, wrenches)
-    both = (side.max(axis=0) > _ON_A_SIDE) & (side.min(axis=0) < -_ON_A_SIDE)
+    both = (side.max(axis=0) > ON_A_SIDE) & (side.min(axis=0) < -ON_A_SIDE)
     closed[rows] = (both | ~independent).all(axis=0) & independent.any(axis=0)
     return closed
-
-
-def cone_wrenches(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float) -> Array:
-    """What spans W: the wrenches of the forces nhat, mu t_1 and mu t_2 at each contact.
-
-    The wrenches of a contact's friction cone with normal force 1 are row 0 plus row 1 and row 2
-    times the cosine and sine of any angle.
-
-    Args:
-        p_BC: contact points [m], shape (M, 3, 3).
-        nhat_TB_B: inward unit normals, shape (M, 3, 3).
-        mu: friction coefficients, shape (M, 3).
-        p_BBcm: centre of mass [m], shape (3,).
-        rho: what torques are divided by [m].
-
-    Returns:
-        Shape (M, 3 contacts, 3 rows, 6).
-    """
-    return frame_wrenches(contact_frames(p_BC, nhat_TB_B), (p_BC - p_BBcm) / rho, mu)
-
-
-def frame_wrenches(frames: Array, r: Array, mu: Array) -> Array:
-    """`cone_wrenches` of contacts with known frames.
-
-    Args:
-        frames: (nhat, t_1, t_2) as rows, shape (..., 3, 3).
-        r: contact points, from the centre of mass over rho, shape (..., 3).
-        mu: friction coefficients, shape (...).
-
-    Returns:
-        Shape (..., 3 rows, 6).
-    """
-    wrenches = np.empty((*frames.shape[:-1], 6))
-    wrenches[..., :3] = frames
-    wrenches[..., 1:, :3] *= mu[..., None, None]
-    wrenches[..., 3:] = cross(r[..., None, :], wrenches[..., :3])
-    return wrenches
-
-
-def support(cones: Array, directions: Array) -> tuple[Array, Array]:
-    """The support function of W, exact for the quadratic cone.
-
-    Args:
-        cones: from `cone_wrenches`, shape (M, 3, 3, 6).
-        directions: wrenches w, shape (M, K, 6).
-
-    Returns:
-        h(w) of each contact's part of W, whose greatest is that of W, shape (M, K, 3), and the
-        points of W that attain them, shape (M, K, 3, 6).
-    """
-    M, K, _ = directions.shape
-    rows = np.einsum("mkd,mrd->mkr", directions, cones.reshape(M, 9, 6)).reshape(M, K, 3, 3)
-    tangential = np.sqrt(rows[..., 1] ** 2 + rows[..., 2] ** 2)
-    h = rows[..., 0] + tangential
-    # Where the cone's rim is level all of it attains h: take its centre, not a rounding error.
-    level = tangential <= _ON_A_SIDE * np.linalg.norm(directions, axis=-1)[..., None]
-    weights = np.ones_like(rows)
-    weights[..., 1:] = np.where(level[..., None], 0.0, unit(rows[..., 1:]))
-    points = np.einsum("mkcr,mcrd->mkcd", weights, cones)
-    return h, points

@@ -18,7 +18,7 @@ from scipy.optimize import linprog
 from shapely.affinity import scale
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.regions import Regions
 from tests.reference_concurrent import PROGRESS, Row, nonparallel
 from tests.reference_geometry import TOL, Doubts, Face, angle, tips_plane, unit
 from tests.reference_opposed import pair, parallel

@@ -12,14 +12,8 @@ from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
 
 from drake_polygrasp.arrays import Array, Ints, frozen
-from drake_polygrasp.geometry.polyhedron import (
-    Face,
-    Polyhedron,
-    Regions,
-    erode,
-    surface_vertices,
-    volume_centroid,
-)
+from drake_polygrasp.geometry.polyhedron import Face, Polyhedron, surface_vertices, volume_centroid
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.planar import Scale

@@ -23,7 +23,8 @@ from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspObject, GraspPlane
 from drake_polygrasp.grasp_file import load_grasps, save_grasps
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
-from drake_polygrasp.verification import Status, verify_file
+from drake_polygrasp.verification import verify_file
+from drake_polygrasp.verification_report import Status
 from tests.common import random_contacts
 from tests.convex_polyhedra import prism, write_obj
 from tests.grasp_files import BOX_SDF, EXAMPLE, Document, edit, write_box

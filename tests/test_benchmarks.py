@@ -30,7 +30,7 @@ from benchmarks.peers import (
     upper_bound,
 )
 from benchmarks.tables import HEADER, growth_table, kinds_table, row
-from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.wrench import force_closure
 from tests.convex_polyhedra import holed_prism

@@ -10,8 +10,9 @@ import pytest
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools
-from drake_polygrasp.geometry.polyhedron import Polyhedron, erode, volume_centroid
+from drake_polygrasp.geometry.polyhedron import Polyhedron, volume_centroid
 from drake_polygrasp.geometry.primitives import Primitive
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.seating import face_of, seat, tip_fits
 from drake_polygrasp.geometry.surface import Part, build_polyhedron, curved_part
 from drake_polygrasp.pipeline import plan_grasps

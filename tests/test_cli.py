@@ -20,8 +20,7 @@ from drake_polygrasp.child_process import call_in_child
 from drake_polygrasp.cli import main
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.grasp_file import load_grasps
-from drake_polygrasp.planning.outcome import REASONS
-from drake_polygrasp.tables import MEANING
+from drake_polygrasp.planning.reasons import MEANING, REASONS
 from tests.grasp_files import BOX_SDF, write_box
 
 ROOT = Path(drake_polygrasp.__file__).parents[1]

@@ -9,12 +9,13 @@ import pytest
 import shapely
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.polyhedron import Face, Regions, erode
+from drake_polygrasp.geometry.polyhedron import Face
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import classify
-from drake_polygrasp.planning.outcome import REASONS, Candidates, Method, SetPlan
 from drake_polygrasp.planning.planar import Scale
 from drake_polygrasp.planning.planner import plan_sets
+from drake_polygrasp.planning.reasons import REASONS, Candidates, Method, SetPlan
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from tests.solids import (
     X,

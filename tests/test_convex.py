@@ -21,13 +21,7 @@ from drake_polygrasp.certification.exact import (
 )
 from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.wrench import edge_forces, force_closure
-from tests.common import (
-    box_grasp,
-    prism_grasp,
-    random_contacts,
-    random_rotations,
-    wedge_grasp,
-)
+from tests.common import box_grasp, prism_grasp, random_contacts, random_rotations, wedge_grasp
 from tests.lp_judge import greatest_margin, is_force_closure
 
 

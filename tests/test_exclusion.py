@@ -28,11 +28,11 @@ from drake_polygrasp import (
 )
 from drake_polygrasp.cli import main
 from drake_polygrasp.geometry.exclusion import AVOID_ANGLE, Exclusion, exclusion
-from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.geometry.primitives import Primitive
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.surface import build_polyhedron, curved_part
-from drake_polygrasp.planning.outcome import Method
-from drake_polygrasp.verification import Status
+from drake_polygrasp.planning.reasons import Method
+from drake_polygrasp.verification_report import Status
 from tests.common import round_body
 from tests.convex_polyhedra import holed_prism, tangent_polyhedron
 from tests.solids import cube, object_of, regular_prism, solid

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.orientation import sine_of_tips_plane
-from drake_polygrasp.planning.outcome import Candidates
 from drake_polygrasp.planning.planner import plan_sets
+from drake_polygrasp.planning.reasons import Candidates
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from tests.lp_judge import is_force_closure
 from tests.solids import cube, regular_polygon, scale_of, solid

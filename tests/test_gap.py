@@ -17,7 +17,7 @@ from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.wrench_space import epsilon_interval
 from drake_polygrasp.cli import main
 from drake_polygrasp.epsilon_bound import critical_directions, epsilon_upper_bound
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.cell_bounds import (
     KEPT,
@@ -30,7 +30,8 @@ from drake_polygrasp.planning.cell_bounds import (
 from drake_polygrasp.planning.face_support import points_on
 from drake_polygrasp.planning.optimum import TOLERANCE, Optimum, _halved, bound_optimum
 from drake_polygrasp.planning.search import Triples
-from drake_polygrasp.wrench import cone_wrenches, force_closure, support
+from drake_polygrasp.support import cone_wrenches, support
+from drake_polygrasp.wrench import force_closure
 from tests.convex_polyhedra import ellipsoid_hull
 from tests.solids import cube, face, regions_of, solid
 

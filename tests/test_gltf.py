@@ -21,7 +21,8 @@ from drake_polygrasp.grasp_file import save_grasps
 from drake_polygrasp.loading.mesh_file import check_mesh_file
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
-from drake_polygrasp.verification import Status, verify_file
+from drake_polygrasp.verification import verify_file
+from drake_polygrasp.verification_report import Status
 from tests.convex_polyhedra import prism
 
 L_PROFILE = shapely.Polygon(

@@ -8,7 +8,8 @@ import shapely
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.polyhedron import Face, Regions
+from drake_polygrasp.geometry.polyhedron import Face
+from drake_polygrasp.geometry.regions import Regions, boundary
 from drake_polygrasp.planning.grasp_plane import (
     FAN,
     Planes,
@@ -19,7 +20,7 @@ from drake_polygrasp.planning.grasp_plane import (
     parallel_directions,
     ring_edges,
 )
-from drake_polygrasp.planning.planar import Scale, boundary
+from drake_polygrasp.planning.planar import Scale
 from drake_polygrasp.planning.position import Opposed, opposed, plane_directions
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP, SECOND, choices, two_face_planes
 from tests.solids import UNIT, X, Y, Z, bottom, face, regions_of, top

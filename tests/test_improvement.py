@@ -11,27 +11,18 @@ from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.wrench_space import epsilon_interval
-from drake_polygrasp.epsilon_bound import (
-    COARSE_TURNS,
-    critical_directions,
-    epsilon_upper_bound,
-)
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.epsilon_bound import COARSE_TURNS, critical_directions, epsilon_upper_bound
+from drake_polygrasp.geometry.face_sets import place_in_set, set_numbers
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning import improvement, optimum
 from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates, radii_of_lines
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces, points_on
 from drake_polygrasp.planning.improvement import improved
-from drake_polygrasp.planning.outcome import has_contacts
 from drake_polygrasp.planning.planner import plan_sets
-from drake_polygrasp.planning.search import Triples, set_numbers
-from drake_polygrasp.planning.variants import (
-    best_first,
-    best_places,
-    estimates,
-    place_in_set,
-    usable,
-)
+from drake_polygrasp.planning.reasons import has_contacts
+from drake_polygrasp.planning.search import Triples
+from drake_polygrasp.planning.variants import best_first, best_places, estimates, usable
 from drake_polygrasp.wrench import force_closure
 from tests.common import lattice_contacts, prism_grasp, random_contacts, random_rotations
 from tests.convex_polyhedra import holed_prism, tangent_polyhedron

@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import prove_many
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.planning import orientation
-from drake_polygrasp.planning.outcome import CODE, Method
 from drake_polygrasp.planning.planner import plan_sets
+from drake_polygrasp.planning.reasons import CODE, Method
 from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from tests.solids import cube, moved, regions_of, regular_prism, solid, top
 

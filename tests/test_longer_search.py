@@ -12,13 +12,15 @@ import pytest
 import shapely
 
 from drake_polygrasp import judging, longer_search
-from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.explain import Explanation, explain_sets
+from drake_polygrasp.geometry.face_sets import sets_of
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
+from drake_polygrasp.pipeline import GraspPlan, plan_grasps
 from drake_polygrasp.planning.every_set import triples_on_each_set
 from drake_polygrasp.planning.face_support import contacts_on, points_on
+from drake_polygrasp.planning.orientation import sets_oppose
 from drake_polygrasp.planning.sample_points import sample_points
-from drake_polygrasp.planning.search import sets_of
 from drake_polygrasp.tables import no_grasp_message
 from drake_polygrasp.wrench import force_closure
 from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism
@@ -131,7 +133,7 @@ def test_every_triple_of_points_is_looked_at() -> None:
     p_BC = points_on(regions, *points)[rows]
     holds = force_closure(*contacts_on(regions, region, p_BC))
     expected = {tuple(s) for s in sets_of(region[holds]).tolist()}
-    found = triples_on_each_set(regions, points, object_.p_BBcm, object_.rho, places=2)
+    found = triples_on_each_set(regions, points, object_.p_BBcm, object_.rho, 2, sets_oppose)
     counts = Counter(tuple(s) for s in sets_of(found.region).tolist())
     assert set(counts) == expected
     assert max(counts.values()) == 2

@@ -13,7 +13,8 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array, Bools
-from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.geometry.face_sets import pairs, triples
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.planning import orientation
 from drake_polygrasp.planning.orientation import (
     classify,
@@ -22,11 +23,9 @@ from drake_polygrasp.planning.orientation import (
     least_opposing_friction,
     opposes,
     pair_opposes,
-    pairs,
     sine_of_pair,
     sine_of_parallel,
     sine_of_tips_plane,
-    triples,
 )
 from tests.solids import X, Z, cube, regular_prism
 

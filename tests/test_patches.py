@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.patches import PATCH_ANGLE, PATCH_DEPTH
-from drake_polygrasp.geometry.polyhedron import Polyhedron, erode, volume_centroid
+from drake_polygrasp.geometry.polyhedron import Polyhedron, volume_centroid
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup

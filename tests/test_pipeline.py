@@ -16,12 +16,13 @@ from drake_polygrasp import UsageError, judging, proposals, task
 from drake_polygrasp.certification import exact
 from drake_polygrasp.contenders import contenders
 from drake_polygrasp.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.explain import explain_sets
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.seating import edge_distance, tip_fits
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.pipeline import GraspPlan, explain_sets, plan_grasps
-from drake_polygrasp.planning.outcome import unplanned
+from drake_polygrasp.pipeline import GraspPlan, plan_grasps
 from drake_polygrasp.planning.planner import plan_sets
+from drake_polygrasp.planning.reasons import unplanned
 from drake_polygrasp.planning.search import Triples
 from drake_polygrasp.planning.variants import Steps
 from drake_polygrasp.task import TIP_RADIUS

@@ -10,12 +10,13 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.explain import Explanation, explain_sets
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline import Explanation, GraspPlan, explain_sets, plan_grasps
-from drake_polygrasp.planning.outcome import REASONS, Method
+from drake_polygrasp.pipeline import GraspPlan, plan_grasps
 from drake_polygrasp.planning.planner import plan_sets
+from drake_polygrasp.planning.reasons import REASONS, Method
 from tests.lp_judge import is_force_closure
 from tests.surface_judge import on_surface
 

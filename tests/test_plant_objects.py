@@ -50,8 +50,8 @@ from drake_polygrasp import (
     verify_file,
 )
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.polyhedron import erode
 from drake_polygrasp.geometry.primitives import Primitive, tessellation
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.planning.tip_room import with_tip_room
 from tests.convex_polyhedra import write_obj
 

@@ -20,8 +20,7 @@ from drake_polygrasp import (
 from drake_polygrasp.certification import in_plant
 from drake_polygrasp.certification.in_plant import PlantReport
 from drake_polygrasp.cli import main
-from drake_polygrasp.grasp import AnyGrasp, Verdict
-from drake_polygrasp.plant_verdicts import PlantVerdict
+from drake_polygrasp.grasp import AnyGrasp, PlantVerdict, Verdict
 from tests.plant_scenes import model
 
 HOLDS, FAILS, UNDECIDED = Verdict.HOLDS, Verdict.FAILS, Verdict.UNDECIDED

@@ -15,14 +15,8 @@ from scipy.spatial.transform import Rotation
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.inradius import inradius
-from drake_polygrasp.geometry.polyhedron import (
-    Face,
-    Polyhedron,
-    erode,
-    shrunk,
-    surface_vertices,
-    volume_centroid,
-)
+from drake_polygrasp.geometry.polyhedron import Face, Polyhedron, surface_vertices, volume_centroid
+from drake_polygrasp.geometry.regions import erode, shrunk
 from drake_polygrasp.geometry.shells import without_doubles
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron

@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
 
 from drake_polygrasp.arrays import Array, Bools, frozen
-from drake_polygrasp.geometry.polyhedron import Face, Regions
+from drake_polygrasp.geometry.polyhedron import Face
+from drake_polygrasp.geometry.regions import Regions, boundary
 from drake_polygrasp.planning.orientation import sine_of_tips_plane
-from drake_polygrasp.planning.planar import boundary, extents, project
+from drake_polygrasp.planning.planar import extents, project
 from drake_polygrasp.planning.position import (
     Opposed,
     opposed,

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning.outcome import Candidates, Method, SetPlan
 from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.quality import q_directions, q_orientation, q_positions
+from drake_polygrasp.planning.reasons import Candidates, Method, SetPlan
 from tests.convex_polyhedra import prism
 from tests.solids import X, Y, Z, cube, regular_polygon, scale_of, solid
 

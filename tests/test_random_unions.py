@@ -7,7 +7,8 @@ import shapely
 from hypothesis import given, settings
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.polyhedron import Polyhedron, erode
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.seating import face_of, seat, tip_fits, touch
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.pipeline import plan_grasps

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 from shapely.affinity import affine_transform
 
 from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.planning.outcome import REASONS, SetPlan
 from drake_polygrasp.planning.planner import plan_sets
+from drake_polygrasp.planning.reasons import REASONS, SetPlan
 from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from tests.reference_geometry import Doubts, angle
 from tests.reference_planner import (

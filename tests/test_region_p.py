@@ -10,16 +10,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.geometry.polyhedron import Face, Regions
+from drake_polygrasp.geometry.polyhedron import Face
+from drake_polygrasp.geometry.regions import Regions, boundary
 from drake_polygrasp.planning.grasp_plane import Planes, opposed_planes, other_heights
-from drake_polygrasp.planning.planar import (
-    boundary,
-    clip_intervals,
-    nearest,
-    outer_ends,
-    section,
-    within,
-)
+from drake_polygrasp.planning.planar import clip_intervals, nearest, outer_ends, section, within
 from drake_polygrasp.planning.position import opposed, plane_directions
 from drake_polygrasp.planning.region_p import Cut, cut_nonparallel, cut_parallel, cut_two_faces
 from drake_polygrasp.planning.two_faces import choices, two_face_planes

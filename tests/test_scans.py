@@ -11,8 +11,8 @@ import pytest
 from drake_polygrasp import load_object, plan_grasps
 from drake_polygrasp.certification.geometry import check_geometry
 from drake_polygrasp.certification.scratch_plant import make_scene
-from drake_polygrasp.geometry.polyhedron import ON_SURFACE
 from drake_polygrasp.geometry.seating import TIP_SLACK, seat, tip_fits
+from drake_polygrasp.geometry.tolerances import ON_SURFACE
 from tests.common import grasp
 from tests.convex_polyhedra import write_obj
 from tests.plant_scenes import GRASPABLE, model

@@ -15,22 +15,19 @@ from benchmarks.peers import random_triples
 from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.epsilon_bound import epsilon_upper_bound
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.geometry.face_sets import first_of_each_set, sets_of
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.seating import tip_fits
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning import search, set_cover
 from drake_polygrasp.planning.effort import FULL, QUICK
 from drake_polygrasp.planning.face_support import face_twists, points_in_faces, points_on
 from drake_polygrasp.planning.sample_points import num_points, sample_points
-from drake_polygrasp.planning.search import (
-    Triples,
-    best_triples,
-    first_of_each_set,
-    sets_of,
-)
+from drake_polygrasp.planning.search import Triples, best_triples
 from drake_polygrasp.planning.set_cover import cover
 from drake_polygrasp.planning.tip_room import with_tip_room
-from drake_polygrasp.wrench import cone_wrenches, force_closure, support
+from drake_polygrasp.support import cone_wrenches, support
+from drake_polygrasp.wrench import force_closure
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism, prism, shells
 from tests.solids import cube, solid
 

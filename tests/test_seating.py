@@ -10,13 +10,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Polyhedron
-from drake_polygrasp.geometry.seating import (
-    edge_distance,
-    face_of,
-    seat,
-    tip_fits,
-    tips_are_apart,
-)
+from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits, tips_are_apart
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from tests.convex_polyhedra import boxes, holed_prism, prism
 from tests.solids import random_contacts

@@ -8,12 +8,12 @@ import pytest
 from benchmarks.peers import random_triples, surface_of
 from drake_polygrasp.arrays import Ints
 from drake_polygrasp.certification.wrench_space import epsilon_interval
-from drake_polygrasp.geometry.polyhedron import erode
+from drake_polygrasp.geometry.face_sets import all_sets, with_sets
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning.orientation import friction_angle, opposes, pair_opposes
+from drake_polygrasp.planning.orientation import friction_angle, opposes, pair_opposes, sets_oppose
 from drake_polygrasp.planning.search import NO_TRIPLES, Triples
 from drake_polygrasp.planning.set_bounds import promising_sets, region_support
-from drake_polygrasp.task import all_sets, with_sets
 from drake_polygrasp.wrench import force_closure
 from tests.convex_polyhedra import ellipsoid_hull, holed_prism
 from tests.solids import cube, solid
@@ -55,22 +55,28 @@ def test_promising_sets_are_those_of_greatest_bound_greatest_first(object_: Gras
         return [float(H[[r for r in s if r >= 0]].max(axis=0).min()) for s in sets.tolist()]
 
     sets = opposing_sets(object_)
-    found = promising_sets(regions, NO_TRIPLES, *scale, above=-1.0, most=len(sets) + 1000)
+    found = promising_sets(
+        regions, NO_TRIPLES, *scale, above=-1.0, most=len(sets) + 1000, opposing=sets_oppose
+    )
     assert sorted(found.tolist()) == sorted(sets.tolist())
     assert bound(found) == pytest.approx(sorted(bound(sets), reverse=True), abs=2e-5)
     middle = float(np.median(bound(sets)))
-    above = promising_sets(regions, NO_TRIPLES, *scale, above=middle, most=10_000)
+    above = promising_sets(
+        regions, NO_TRIPLES, *scale, above=middle, most=10_000, opposing=sets_oppose
+    )
     assert above.tolist() == found[: len(above)].tolist()
     assert min(bound(above)) > middle - 2e-5
     assert max(bound(found[len(above) :])) < middle + 2e-5
-    few = promising_sets(regions, NO_TRIPLES, *scale, above=-1.0, most=40)
+    few = promising_sets(regions, NO_TRIPLES, *scale, above=-1.0, most=40, opposing=sets_oppose)
     assert few.tolist() == found[:40].tolist()
 
 
 def test_on_a_cube_only_sets_with_two_opposite_faces_can_hold() -> None:
     box = cube()
     regions = erode(box.polyhedron)
-    found = promising_sets(regions, NO_TRIPLES, box.p_BBcm, box.rho, above=0.0, most=100)
+    found = promising_sets(
+        regions, NO_TRIPLES, box.p_BBcm, box.rho, above=0.0, most=100, opposing=sets_oppose
+    )
     assert len(found) == 12 + 3
     for faces in found.tolist():
         nhat = regions.nhat_TB_B[[r for r in faces if r >= 0]]

@@ -17,11 +17,11 @@ from matplotlib.patches import Polygon
 
 from drake_polygrasp import GraspObject, UsageError, explain_sets, load_object, plan_grasps
 from drake_polygrasp.cli import main
-from drake_polygrasp.pipeline import Explanation
+from drake_polygrasp.explain import Explanation
 from drake_polygrasp.planning.orientation import least_ball_centre
+from drake_polygrasp.planning.reasons import MEANING
 from drake_polygrasp.planning.trace import trace
 from drake_polygrasp.planning.traced import Trace
-from drake_polygrasp.tables import MEANING
 from drake_polygrasp.visualization.directions import draw_directions
 from drake_polygrasp.visualization.explanation import draw_explanation
 from drake_polygrasp.visualization.figures import draw_reasons, draw_trace, save_figure

@@ -16,7 +16,8 @@ from drake_polygrasp.errors import GraspFileError, UsageError
 from drake_polygrasp.grasp_file import load_grasps, save_grasps
 from drake_polygrasp.loading.object_model import load_object, load_solid
 from drake_polygrasp.pipeline import plan_grasps
-from drake_polygrasp.verification import Status, verify_file
+from drake_polygrasp.verification import verify_file
+from drake_polygrasp.verification_report import Status
 from tests.convex_polyhedra import prism, write_obj
 from tests.solids import regular_polygon
 

@@ -21,7 +21,8 @@ from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 from drake_polygrasp.grasp_file import grasp_document, save_grasps
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline import plan_grasps
-from drake_polygrasp.verification import Status, verify_file
+from drake_polygrasp.verification import verify_file
+from drake_polygrasp.verification_report import Status
 from tests.grasp_files import BOX_SDF, EXAMPLE, Document, edit, rebalance, write_box
 
 MODELS = sorted(Path(__file__).parents[1].glob("models/*/*.*df"))

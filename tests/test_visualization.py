@@ -20,12 +20,7 @@ import shapely
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Sphere
 from pydrake.math import RigidTransform
 
-from drake_polygrasp import (
-    UsageError,
-    load_grasps,
-    load_object,
-    save_grasps,
-)
+from drake_polygrasp import UsageError, load_grasps, load_object, save_grasps
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.cli import main
 from drake_polygrasp.visualization import draw_grasps, draw_object, look_at, save_html, show_rank

@@ -12,14 +12,8 @@ from drake_polygrasp.epsilon_bound import (
     epsilon_upper_bound,
 )
 from drake_polygrasp.grasp import Grasp
-from drake_polygrasp.wrench import (
-    cone_wrenches,
-    contact_frames,
-    edge_forces,
-    force_closure,
-    non_collinear,
-    support,
-)
+from drake_polygrasp.support import cone_wrenches, support
+from drake_polygrasp.wrench import contact_frames, edge_forces, force_closure, non_collinear
 from tests.common import (
     RHO_BOX,
     box_grasp,

@@ -18,7 +18,8 @@ from drake_polygrasp.certification.wrench_space import (
     tilt_tolerance,
 )
 from drake_polygrasp.grasp import Grasp
-from drake_polygrasp.wrench import cone_wrenches, contact_frames, force_closure, support
+from drake_polygrasp.support import cone_wrenches, support
+from drake_polygrasp.wrench import contact_frames, force_closure
 from tests.common import (
     RHO_BOX,
     box_grasp,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from drake_polygrasp.certification.scratch_plant import Scene
 from drake_polygrasp.certification.surface_distance import SurfaceDistance
-from drake_polygrasp.geometry.polyhedron import FLATNESS
+from drake_polygrasp.geometry.tolerances import FLATNESS
 from drake_polygrasp.loading.surroundings import Surroundings
 
 

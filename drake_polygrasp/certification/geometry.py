@@ -22,8 +22,8 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.scratch_plant import Scene, add_surface, add_tip
 from drake_polygrasp.certification.surface_distance import Nearest, SurfaceDistance
-from drake_polygrasp.geometry.polyhedron import ON_SURFACE
 from drake_polygrasp.geometry.seating import CRACK, face_of
+from drake_polygrasp.geometry.tolerances import ON_SURFACE
 
 ROUNDING = 1e-9
 """Ours, relative: what a combination of friction coefficients may be off."""

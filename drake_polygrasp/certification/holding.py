@@ -14,7 +14,7 @@ from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.grasp import Grasp
-from drake_polygrasp.wrench import cone_wrenches
+from drake_polygrasp.support import cone_wrenches
 
 
 @dataclass(frozen=True, eq=False)

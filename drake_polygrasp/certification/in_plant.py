@@ -30,10 +30,17 @@ from drake_polygrasp.certification.scratch_plant import Scene, make_scene
 from drake_polygrasp.certification.wrench_space import GRAVITY, epsilon_interval, squeeze_force
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import check_same_body
-from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, Verdict, grasp_of
+from drake_polygrasp.grasp import (
+    AnyGrasp,
+    Grasp,
+    GraspObject,
+    PlantRecord,
+    PlantVerdict,
+    Verdict,
+    grasp_of,
+)
 from drake_polygrasp.loading.object_model import Solid
 from drake_polygrasp.loading.surroundings import Surroundings
-from drake_polygrasp.plant_verdicts import PlantRecord, PlantVerdict
 
 LOAD_SHARE = 0.8
 """Ours: of what the squeeze bears in the worst direction. The hand squeezes with the squeeze force

@@ -27,7 +27,7 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.holding import Holding, spare_friction
 from drake_polygrasp.certification.scratch_plant import Scene, add_pads, add_tip
 from drake_polygrasp.certification.wrench_space import GRAVITY
-from drake_polygrasp.plant_verdicts import HeldWeight
+from drake_polygrasp.grasp import HeldWeight
 
 TOLERANCE = 1e-6
 """Ours: what may stay unbalanced, times the weight; what SNOPT aims at, times the weight and, for

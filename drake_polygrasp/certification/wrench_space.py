@@ -19,7 +19,7 @@ from pydrake.geometry.optimization import HPolyhedron, VPolytope
 
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.epsilon_bound import epsilon_upper_bound
-from drake_polygrasp.wrench import cone_wrenches, support
+from drake_polygrasp.support import cone_wrenches, support
 
 GRAVITY = 9.81
 """[m/s^2]"""

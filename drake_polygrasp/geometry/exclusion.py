@@ -13,7 +13,8 @@ import numpy.typing as npt
 from drake_polygrasp.arguments import check_items
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, Polyhedron
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE
 from drake_polygrasp.vectors import times, unit
 
 AVOID_ANGLE = np.pi / 4

@@ -12,8 +12,9 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.geometry.polyhedron import ON_SURFACE, SAME_NORMAL, Face, Polyhedron
+from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive
+from drake_polygrasp.geometry.tolerances import ON_SURFACE, SAME_NORMAL
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import times
 

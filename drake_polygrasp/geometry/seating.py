@@ -15,13 +15,13 @@ from drake_polygrasp.geometry.facets import (
     seat_on_patch,
     touch_patch,
 )
-from drake_polygrasp.geometry.polyhedron import (
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.tolerances import (
     ANGLE_TOLERANCE,
     FLATNESS,
     LENGTH_TOLERANCE,
     ON_SURFACE,
     SAME_NORMAL,
-    Polyhedron,
 )
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot, product, times, transformed

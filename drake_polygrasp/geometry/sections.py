@@ -16,7 +16,7 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
-from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE
+from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.vectors import times
 
 Polygons = npt.NDArray[np.object_]

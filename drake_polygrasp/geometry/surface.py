@@ -17,8 +17,9 @@ from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.cavities import Cavities, find_cavities
 from drake_polygrasp.geometry.patches import Patch, check_tolerances, curved_triangles, grow_patches
-from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE, Face, Polyhedron, shrunk
+from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive, sagitta, tessellation
+from drake_polygrasp.geometry.regions import shrunk
 from drake_polygrasp.geometry.sections import (
     Mesh,
     Plane,
@@ -30,6 +31,7 @@ from drake_polygrasp.geometry.sections import (
     valid,
 )
 from drake_polygrasp.geometry.shells import oriented_shells, weld, without_doubles
+from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import diameter, face_frame, unit_normals
 from drake_polygrasp.vectors import dot, times

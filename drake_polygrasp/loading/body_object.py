@@ -15,13 +15,9 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.digits import on_grid, significant
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.body_identity import BodyIdentity, surface_lengths
-from drake_polygrasp.geometry.polyhedron import (
-    FLATNESS,
-    Polyhedron,
-    farthest_distance,
-    volume_centroid,
-)
+from drake_polygrasp.geometry.polyhedron import Polyhedron, farthest_distance, volume_centroid
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.tolerances import FLATNESS
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.model_checks import MAX_FRICTION
 from drake_polygrasp.loading.parsed_model import blaming

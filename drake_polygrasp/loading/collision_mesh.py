@@ -30,8 +30,8 @@ from pydrake.math import RigidTransform
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.face_triangles import faces_cut_wrongly, triangulate
-from drake_polygrasp.geometry.polyhedron import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.geometry.shells import faces_inward
+from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.mesh_file import MAX_BYTES
 from drake_polygrasp.loading.obj_file import read_obj, write_obj

@@ -17,8 +17,9 @@ from drake_polygrasp.arguments import check_flag, check_path, check_paths, check
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.patches import check_tolerances
-from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Polyhedron
+from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive
+from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.body_object import (
     DEFAULT_MU,

@@ -17,9 +17,9 @@ from drake_polygrasp.arrays import Array, Bools, frozen
 from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.geometry.obstacles import Obstacles
-from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE
 from drake_polygrasp.geometry.shells import oriented_shells, weld
 from drake_polygrasp.geometry.surface import Part
+from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
 from drake_polygrasp.loading.body_object import identity_of
 from drake_polygrasp.loading.live_plant import describe, find_body, query_of
 from drake_polygrasp.loading.parsed_model import blaming

@@ -16,9 +16,9 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 
 from drake_polygrasp.arrays import frozen
-from drake_polygrasp.geometry.polyhedron import FLATNESS
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.surface import Part, curved_part
+from drake_polygrasp.geometry.tolerances import FLATNESS
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.epsilon_bound import critical_directions
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.planning.face_support import contacts_on
 from drake_polygrasp.vectors import cross
 from drake_polygrasp.wrench import force_closure

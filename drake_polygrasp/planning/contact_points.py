@@ -162,3 +162,10 @@ def _either_side(beyond: Array, spread: Array, slack: float) -> Array:
     d[:, 1, 1], d[:, 1, 2] = right[:, 1], -left[:, 1]
     d[~((left > slack) & (right > slack)), 1:] = np.nan
     return d
+
+
+SPREADS = (0.5, 0.9)
+"""Places of P_2 and P_3 on their halves of the segments, 1 at the far end.
+
+The text's 0.5 defeats its own aim of a large triangle; on most objects 0.9 holds better.
+"""

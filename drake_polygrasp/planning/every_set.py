@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.planning.face_support import contacts_on, points_on
-from drake_polygrasp.planning.orientation import friction_angle, opposes
 from drake_polygrasp.planning.search import NO_TRIPLES, Triples, joined
+from drake_polygrasp.planning.set_bounds import Opposing
 from drake_polygrasp.planning.variants import best_places, estimates
 from drake_polygrasp.wrench import force_closure
 
@@ -26,6 +26,7 @@ def triples_on_each_set(
     p_BBcm: Array,
     rho: float,
     places: int,
+    opposing: Opposing,
 ) -> Triples:
     """Finds triples of points that are force closure, the best on each set of regions.
 
@@ -35,6 +36,7 @@ def triples_on_each_set(
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         places: how many triples on one set at most.
+        opposing: tells the sets of regions that oppose each other.
     """
     region, p_FC = points
     if len(region) < 3:
@@ -47,7 +49,7 @@ def triples_on_each_set(
         row, pair = np.nonzero(j > i[:, None])
         rows = np.column_stack([i[row], j[pair], k[pair]])
         nhat, mu = regions.nhat_TB_B[region[rows]], regions.mu[region[rows]]
-        rows = rows[opposes(nhat, friction_angle(mu))]
+        rows = rows[opposing(nhat, mu)]
         triples = Triples(region[rows], p_BC[rows])
         holds = force_closure(*contacts_on(regions, triples.region, triples.p_BC))
         found = joined(found, triples.take(holds))

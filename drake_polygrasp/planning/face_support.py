@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.vectors import cross, product, transformed
 
 

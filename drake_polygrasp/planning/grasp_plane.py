@@ -14,9 +14,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids, extents, gather
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, gather
+from drake_polygrasp.geometry.regions import Boundary, Regions
+from drake_polygrasp.planning.planar import Scale, centroids, extents
 from drake_polygrasp.planning.position import Opposed, PlaneDirections, hull_of
 from drake_polygrasp.planning.strips import hulls_in_strips
 from drake_polygrasp.vectors import circle, cross, dot, transformed, unit

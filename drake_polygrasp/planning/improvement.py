@@ -15,11 +15,10 @@ from functools import cache
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints, frozen
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.arrays import Array, Ints, Shapes, frozen
+from drake_polygrasp.geometry.regions import Regions, nearest_points
 from drake_polygrasp.planning.epsilon_estimate import radii_of_lines
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces, points_on
-from drake_polygrasp.planning.planar import Shapes, nearest_points
 from drake_polygrasp.vectors import circle, product
 
 MOVES = 15

@@ -14,7 +14,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.epsilon_bound import critical_directions, epsilon_upper_bound
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.planning.cell_bounds import KEPT, CellTriples, bounded
 from drake_polygrasp.planning.face_support import (
     contacts_on,

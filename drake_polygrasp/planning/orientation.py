@@ -9,39 +9,17 @@ becomes Section 4.2's test for pairs there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.digits import to_decimals
-from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, SAME_NORMAL
+from drake_polygrasp.geometry.face_sets import pairs, triples
+from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, SAME_NORMAL
 from drake_polygrasp.vectors import cross, dot, unit
 
-CHUNK = 200_000
-"""Triples evaluated at once, ours: some 100 MB of intermediate arrays."""
-
 _PAIRS = np.array([[1, 2], [0, 2], [0, 1]])  # the two others of each of three
-
-
-def triples(num_regions: int) -> Iterator[Ints]:
-    """All i < j < k in lexicographic order, in chunks of about CHUNK rows of shape (M, 3)."""
-    couples = pairs(num_regions)
-    later = num_regions - 1 - np.arange(num_regions)
-    counts = later * (later - 1) // 2
-    chunk_of = np.cumsum(counts) // CHUNK
-    for first in np.split(np.arange(num_regions), np.flatnonzero(np.diff(chunk_of)) + 1):
-        i = np.repeat(first, counts[first])
-        # The pairs of the regions after i are the last of all.
-        later_couples = [couples[len(couples) - count :] for count in counts[first]]
-        yield np.column_stack([i, np.concatenate([couples[:0], *later_couples])])
-
-
-def pairs(num_regions: int) -> Ints:
-    """All i < j, shape (M, 2)."""
-    region = np.arange(num_regions)
-    return np.argwhere(region[:, None] < region)
 
 
 def friction_angle(mu: Array) -> Array:
@@ -117,6 +95,20 @@ def pair_opposes(nhat: Array, alpha: Array) -> Bools:
     """Section 4.2 for pairs, phi = (pi - angle) / 2 < alpha: shape (M, 2, 3) and (M,) to (M,)."""
     passes: Bools = sine_of_pair(nhat) < np.sin(alpha) - ANGLE_TOLERANCE
     return passes
+
+
+def sets_oppose(nhat: Array, mu: Array) -> Bools:
+    """Whether the faces of pairs or of triples oppose each other.
+
+    Args:
+        nhat: inward unit normals, shape (M, 2, 3) or (M, 3, 3).
+        mu: friction coefficients, shape (M, 2) or (M, 3).
+
+    Returns:
+        Shape (M,).
+    """
+    alpha = friction_angle(mu)
+    return pair_opposes(nhat, alpha) if nhat.shape[1] == 2 else opposes(nhat, alpha)
 
 
 def sine_of_pair(nhat: Array) -> Array:

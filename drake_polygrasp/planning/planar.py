@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, gather
 from drake_polygrasp.digits import on_grid
-from drake_polygrasp.geometry.polyhedron import LENGTH_TOLERANCE, Regions
+from drake_polygrasp.geometry.regions import Boundary, Regions
+from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
 from drake_polygrasp.vectors import cross, dot, unit
-
-Shapes = npt.NDArray[np.object_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,56 +40,11 @@ class Scale:
         return LENGTH_TOLERANCE * self.diameter**2
 
 
-def nearest_points(shapes: Shapes, points: Array) -> Array:
-    """The point of each shape nearest to one point, (M,) and (M, 2) to (M, 2)."""
-    links = shapely.shortest_line(shapes, shapely.points(points))
-    nearest: Array = shapely.get_coordinates(links)[::2]
-    return nearest
-
-
-@dataclass(frozen=True, eq=False)
-class Boundary:
-    """The directed edges of all regions, flat; every vertex is the tail of exactly one edge."""
-
-    tail: Array
-    """[m], shape (E, 3)."""
-    head: Array
-    """[m], shape (E, 3)."""
-    offsets: Ints
-    """Region r has the edges `offsets[r]:offsets[r + 1]`, shape (n + 1,)."""
-
-
-def boundary(regions: Regions) -> Boundary:
-    """The edges of the regions' closed rings."""
-    is_tail = np.ones(len(regions.p_BV), dtype=bool)
-    is_tail[regions.ring_offsets[1:] - 1] = False
-    tails = np.flatnonzero(is_tail)
-    vertex_offsets = regions.ring_offsets[regions.region_offsets]
-    return Boundary(
-        tail=frozen(regions.p_BV[tails]),
-        head=frozen(regions.p_BV[tails + 1]),
-        offsets=frozen(np.searchsorted(tails, vertex_offsets), np.int64),
-    )
-
-
 def orthonormal_pair(nhat: Array) -> tuple[Array, Array]:
     """Unit vectors u, v with u x v = nhat, each of shape (K, 3)."""
     least = np.eye(3)[np.argmin(np.round(np.abs(nhat), 9), axis=-1)]
     u = unit(cross(least, nhat))
     return u, cross(nhat, u)
-
-
-def gather(offsets: Ints, rows: Ints) -> tuple[Ints, Ints]:
-    """Flat indices of the items of `rows`, and the row (0..K-1) that owns each of them."""
-    return ranges(offsets[rows], offsets[rows + 1])
-
-
-def ranges(starts: Ints, ends: Ints) -> tuple[Ints, Ints]:
-    """The integers from each start to before its end, and whose (0..K-1) each of them is."""
-    counts = ends - starts
-    before = np.cumsum(counts) - counts
-    owner = np.repeat(np.arange(len(starts)), counts)
-    return np.arange(counts.sum()) + (starts - before)[owner], owner
 
 
 def _starts(owner: Ints, num_rows: int) -> Ints:

@@ -15,8 +15,14 @@ import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.digits import to_decimals
-from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.contact_points import HALF, nonparallel_contacts, opposed_contacts
+from drake_polygrasp.geometry.face_sets import CHUNK, pairs, triples
+from drake_polygrasp.geometry.regions import Boundary, Regions, boundary
+from drake_polygrasp.planning.contact_points import (
+    HALF,
+    SPREADS,
+    nonparallel_contacts,
+    opposed_contacts,
+)
 from drake_polygrasp.planning.grasp_plane import (
     grouped_ties,
     nonparallel_planes,
@@ -24,27 +30,15 @@ from drake_polygrasp.planning.grasp_plane import (
     parallel_directions,
 )
 from drake_polygrasp.planning.orientation import (
-    CHUNK,
     classify,
     friction_angle,
     opposes,
     pair_opposes,
-    pairs,
     sine_of_pair,
     sine_of_parallel,
     sine_of_tips_plane,
-    triples,
 )
-from drake_polygrasp.planning.outcome import (
-    CODE,
-    EQUAL_QUALITY,
-    UNJUDGED,
-    Candidates,
-    Method,
-    SetPlan,
-    has_contacts,
-)
-from drake_polygrasp.planning.planar import Boundary, Scale, boundary
+from drake_polygrasp.planning.planar import Scale
 from drake_polygrasp.planning.position import (
     opposed,
     parallel_faces_meet,
@@ -54,9 +48,17 @@ from drake_polygrasp.planning.position import (
     two_faces_meet,
 )
 from drake_polygrasp.planning.quality import q_directions, q_orientation, q_positions
+from drake_polygrasp.planning.reasons import (
+    CODE,
+    EQUAL_QUALITY,
+    UNJUDGED,
+    Candidates,
+    Method,
+    SetPlan,
+    has_contacts,
+)
 from drake_polygrasp.planning.region_p import Cut, cut_nonparallel, cut_parallel, cut_two_faces
 from drake_polygrasp.planning.two_faces import choices, two_face_planes
-from drake_polygrasp.planning.variants import SPREADS
 from drake_polygrasp.vectors import unit
 
 _OPPOSING_FIRST = np.array([[0, 1, 2], [1, 0, 2], [2, 0, 1]])

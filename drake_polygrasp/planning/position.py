@@ -13,18 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, gather
 from drake_polygrasp.digits import to_decimals
-from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.planar import (
-    Boundary,
-    Shapes,
-    extents,
-    gather,
-    orthonormal_pair,
-    project,
-    row_extremes,
-)
+from drake_polygrasp.geometry.regions import Boundary, Regions
+from drake_polygrasp.planning.planar import extents, orthonormal_pair, project, row_extremes
 from drake_polygrasp.planning.strips import area_and_centroid, strips_meet, strips_polygon
 from drake_polygrasp.vectors import cross, dot, product, transformed, unit
 

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools
-from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE, FLATNESS
+from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, FLATNESS
 from drake_polygrasp.vectors import cross, dot
 
 NOISE = FLATNESS

@@ -13,10 +13,10 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes
+from drake_polygrasp.geometry.regions import Boundary, Regions
 from drake_polygrasp.planning.grasp_plane import Planes, other_heights
-from drake_polygrasp.planning.planar import Boundary, Scale, Section, Shapes, outer_ends, section
+from drake_polygrasp.planning.planar import Scale, Section, outer_ends, section
 from drake_polygrasp.planning.position import Opposed, PlaneDirections
 from drake_polygrasp.planning.strips import hulls_in_strips, strips_meet
 from drake_polygrasp.planning.two_faces import FIRST, OVERLAP

@@ -7,9 +7,8 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.geometry.polyhedron import Regions, shrunk
+from drake_polygrasp.geometry.regions import Regions, nearest_points, shrunk
 from drake_polygrasp.planning.effort import Effort
-from drake_polygrasp.planning.planar import nearest_points
 
 POINTS_A_REGION = 2.5
 """On objects of more than a few regions, ours."""

@@ -15,12 +15,14 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.epsilon_bound import COARSE_TURNS, critical_directions
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.face_sets import first_of_each_set
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.planning.effort import FULL, Effort
 from drake_polygrasp.planning.face_support import contacts_on, points_on
 from drake_polygrasp.planning.set_cover import Singles, cover
+from drake_polygrasp.support import frame_wrenches
 from drake_polygrasp.vectors import times, unit
-from drake_polygrasp.wrench import force_closure, frame_wrenches
+from drake_polygrasp.wrench import force_closure
 
 MANY_POINTS = 160
 """Ours: fewer have two passes at most, for the first of three would see too few."""
@@ -173,37 +175,6 @@ def weakest_directions(regions: Regions, triples: Triples, p_BBcm: Array, rho: f
 
 def _holding(regions: Regions, triples: Triples) -> Ints:
     return np.flatnonzero(force_closure(*contacts_on(regions, triples.region, triples.p_BC)))
-
-
-def first_of_each_set(region: Ints) -> Ints:
-    """The first row of each set of regions, ascending, (M, 3) to (K,)."""
-    return np.sort(in_order_of_sets(region))
-
-
-def in_order_of_sets(region: Ints) -> Ints:
-    """The first row of each set of regions, in the order of the sets, (M, 3) to (K,)."""
-    _, first = np.unique(set_numbers(region), return_index=True)
-    return first
-
-
-def set_numbers(region: Ints) -> Ints:
-    """A number for each row's set of regions, equal for equal sets, (M, 3) to (M,)."""
-    return set_keys(sets_of(region), int(region.max(initial=0)))
-
-
-def set_keys(sets: Ints, greatest: int) -> Ints:
-    """A number for each set of regions -1 to `greatest`, in the sets' order, (M, 3) to (M,)."""
-    keys: Ints = ((sets + 1) * (greatest + 2) ** np.arange(3)[::-1]).sum(axis=1)
-    return keys
-
-
-def sets_of(region: Ints) -> Ints:
-    """The regions of each row once, ascending; -1 for a pair's third, (M, 3) to (M, 3)."""
-    sets = np.sort(region, axis=1)
-    low, high = sets[:, 0] == sets[:, 1], sets[:, 1] == sets[:, 2]
-    sets[low, 1] = sets[low, 2]
-    sets[low | high, 2] = -1
-    return sets
 
 
 def _first_of_sets(triples: Triples, num: int) -> Triples:

@@ -8,17 +8,14 @@ triples of regions for which that is greatest, as it does for triples of points.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.geometry.polyhedron import Regions
-from drake_polygrasp.planning.orientation import (
-    friction_angle,
-    opposes,
-    pair_opposes,
-    pairs,
-)
-from drake_polygrasp.planning.planar import boundary
+from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.geometry.face_sets import pairs
+from drake_polygrasp.geometry.regions import Regions, boundary
 from drake_polygrasp.planning.search import (
     Triples,
     cone_support,
@@ -28,6 +25,10 @@ from drake_polygrasp.planning.search import (
 )
 from drake_polygrasp.planning.set_cover import Singles, cover
 
+Opposing: TypeAlias = Callable[[Array, Array], Bools]
+"""Whether the faces of pairs or triples oppose each other, by their normals and friction: the
+pipeline hands the search what the paper says of it."""
+
 ROUNDING = 1e-5
 """Ours: bounds are computed in single precision, and those nearer to each other are a tie."""
 _AT_ONCE = 4096
@@ -35,7 +36,14 @@ _AT_ONCE = 4096
 
 
 def promising_sets(
-    regions: Regions, known: Triples, p_BBcm: Array, rho: float, above: float, most: int
+    regions: Regions,
+    known: Triples,
+    p_BBcm: Array,
+    rho: float,
+    *,
+    above: float,
+    most: int,
+    opposing: Opposing,
 ) -> Ints:
     """Finds the sets of opposing regions on which grasps of the greatest epsilon may be.
 
@@ -46,17 +54,16 @@ def promising_sets(
         rho: greatest distance from the centre of mass to the surface [m].
         above: sets that cannot have a greater epsilon are left out; negative for none.
         most: how many triples of regions are looked at, and how many sets are returned.
+        opposing: tells the sets of regions that oppose each other.
 
     Returns:
         Regions of each set, ascending, -1 for a pair's third, greatest bound first, shape (M, 3).
     """
     H = region_support(regions, known, p_BBcm, rho)
     triples = cover(H, most)
-    mu = regions.mu[triples]
-    triples = triples[opposes(regions.nhat_TB_B[triples], friction_angle(mu))]
+    triples = triples[opposing(regions.nhat_TB_B[triples], regions.mu[triples])]
     couples = pairs(len(regions.face))
-    mu = regions.mu[couples]
-    couples = couples[pair_opposes(regions.nhat_TB_B[couples], friction_angle(mu))]
+    couples = couples[opposing(regions.nhat_TB_B[couples], regions.mu[couples])]
     sets = np.concatenate([triples, np.pad(couples, ((0, 0), (0, 1)), constant_values=-1)])
     bound = np.round(np.concatenate([_bounds(H, triples), _bounds(H, couples)]) / ROUNDING)
     order = np.lexsort((*sets.T[::-1], -bound))

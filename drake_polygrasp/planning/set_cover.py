@@ -12,8 +12,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.arrays import Array, Bools, Ints, frozen
-from drake_polygrasp.planning.planar import ranges
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen, ranges
 
 Singles = npt.NDArray[np.float32]
 Words = npt.NDArray[np.uint64]

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.planning.planar import Shapes
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes
 from drake_polygrasp.vectors import dot
 
 

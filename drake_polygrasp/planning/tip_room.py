@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.arrays import Array, Ints, Shapes, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
-from drake_polygrasp.geometry.polyhedron import FLATNESS, Polyhedron, Regions
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.geometry.seating import least_tip
-from drake_polygrasp.planning.planar import Shapes
+from drake_polygrasp.geometry.tolerances import FLATNESS
 from drake_polygrasp.vectors import circle, times, transformed
 
 _FLAT = 4 * FLATNESS

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.arrays import Array, Ints, Shapes, frozen, gather
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.geometry.polyhedron import Regions, erode
+from drake_polygrasp.geometry.regions import Boundary, Regions, boundary, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.planning.grasp_plane import (
     Planes,
@@ -29,17 +29,7 @@ from drake_polygrasp.planning.orientation import (
     sine_of_parallel,
     sine_of_tips_plane,
 )
-from drake_polygrasp.planning.outcome import REASONS, Candidates
-from drake_polygrasp.planning.planar import (
-    Boundary,
-    Scale,
-    Shapes,
-    boundary,
-    centroids,
-    gather,
-    outer_ends,
-    project,
-)
+from drake_polygrasp.planning.planar import Scale, centroids, outer_ends, project
 from drake_polygrasp.planning.planner import plan_sets
 from drake_polygrasp.planning.position import (
     PlaneDirections,
@@ -50,6 +40,7 @@ from drake_polygrasp.planning.position import (
     region_rl,
 )
 from drake_polygrasp.planning.quality import q_positions
+from drake_polygrasp.planning.reasons import REASONS, Candidates
 from drake_polygrasp.planning.region_p import (
     Cut,
     cut_nonparallel,

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import shapely
 
-from drake_polygrasp.arrays import Array
-from drake_polygrasp.planning.planar import Shapes
+from drake_polygrasp.arrays import Array, Shapes
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Ints, Shapes
 from drake_polygrasp.digits import to_decimals
-from drake_polygrasp.geometry.polyhedron import ANGLE_TOLERANCE
+from drake_polygrasp.geometry.regions import Boundary
+from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE
 from drake_polygrasp.planning.grasp_plane import (
     TIE,
     Planes,
@@ -25,7 +26,7 @@ from drake_polygrasp.planning.grasp_plane import (
     opposed_planes,
     ring_edges,
 )
-from drake_polygrasp.planning.planar import Boundary, Scale, Shapes, centroids
+from drake_polygrasp.planning.planar import Scale, centroids
 from drake_polygrasp.planning.position import Opposed
 from drake_polygrasp.vectors import dot, unit
 

@@ -13,19 +13,15 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.geometry.polyhedron import Regions
+from drake_polygrasp.geometry.face_sets import place_in_set, set_numbers
+from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.planning.effort import FULL, Effort
 from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
 from drake_polygrasp.planning.face_support import contacts_on, points_in_faces
 from drake_polygrasp.planning.improvement import improved
-from drake_polygrasp.planning.search import Triples, set_numbers
+from drake_polygrasp.planning.search import Triples
 from drake_polygrasp.wrench import force_closure
 
-SPREADS = (0.5, 0.9)
-"""Places of P_2 and P_3 on their halves of the segments, 1 at the far end.
-
-The text's 0.5 defeats its own aim of a large triangle; on most objects 0.9 holds better.
-"""
 PLACES = 4
 """Triples that are improved on one set of regions at most, ours: the next best are often the same
 place."""
@@ -99,16 +95,6 @@ def tied(value: Array) -> Array:
     scale = EQUAL * max(value.max(initial=0.0), np.finfo(float).tiny)
     rounded: Array = scale * np.round(value / scale)
     return rounded
-
-
-def place_in_set(number: Ints) -> Ints:
-    """How many rows of the same set come before each, (M,) to (M,)."""
-    order = np.argsort(number, kind="stable")
-    ordered = number[order]
-    start = np.searchsorted(ordered, ordered)
-    place = np.empty_like(number)
-    place[order] = np.arange(len(number)) - start
-    return place
 
 
 def _inside(regions: Regions, triples: Triples) -> Bools:

@@ -31,6 +31,25 @@ REASONS = (
     "not_evaluated",
 )
 """What can become of a set of faces; codes in arrays are positions in this tuple."""
+MEANING = {
+    "certified": ("all", "a grasp was built and proved"),
+    "excluded": ("faces", "a face, or the surface at a contact, is one to avoid"),
+    "orientation": ("faces (4)", "the normals cannot oppose each other with this friction"),
+    "rl_empty": ("faces (4)", "no point lies over all three along their normals (R^l is empty)"),
+    "rs_empty": ("faces (4, 5)", "no height is common to the faces (R^s is empty)"),
+    "not_opposed": ("faces (4)", "the faces do not lie opposite each other"),
+    "no_direction": ("plane (5)", "no direction of the grasp plane meets all faces"),
+    "p_empty": ("plane (5, 6)", "forces on the cut faces have no common point (P is empty)"),
+    "off_face": ("contacts (7)", "a contact would lie off its face"),
+    "wrong_order": ("contacts (7)", "the lone contact would not lie between the other two"),
+    "collinear": ("contacts (7)", "the contacts would lie on one line"),
+    "tip_blocked": ("fingertips", "a fingertip has no room beside the object or another one"),
+    "obstructed": ("fingertips", "an obstacle is where a fingertip would be"),
+    "not_force_closure": ("proof", "the contacts do not hold the object"),
+    "undecided": ("proof", "neither proved to hold nor proved not to"),
+    "not_evaluated": ("search", "enough grasps were proved before it was its turn"),
+}
+"""What ended a set of faces: the step, with its section in the paper, and a sentence."""
 CODE = {reason: code for code, reason in enumerate(REASONS)}
 UNJUDGED = CODE["not_evaluated"]
 """Code of a set with contact points that nobody has judged yet."""
