@@ -29,14 +29,14 @@ import numpy as np
 from benchmarks.hard_objects import SEEDS, HardObject, hard_objects
 from benchmarks.measure import GAP, search
 from benchmarks.peers import ROUNDING, Triples, epsilon_of, random_triples
-from drake_polygrasp.certification.wrench_space import RELATIVE_GAP
+from drake_polygrasp.certification.robustness import RELATIVE_GAP
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.pipeline import plan_grasps
-from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
-from drake_polygrasp.planning.reasons import UNJUDGED
-from drake_polygrasp.planning.variants import Steps
-from drake_polygrasp.proposals import constructed
-from drake_polygrasp.task import make_task
+from drake_polygrasp.paper.reasons import UNJUDGED
+from drake_polygrasp.pipeline.plan import plan_grasps
+from drake_polygrasp.pipeline.proposals import constructed
+from drake_polygrasp.pipeline.request import make_task
+from drake_polygrasp.search.selection import Steps
+from drake_polygrasp.wrenches.epsilon_estimate import epsilon_estimates
 
 SHARE_OF_RANDOM = 0.99
 WORST = 10

@@ -18,8 +18,8 @@ from shapely.affinity import rotate, translate
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.grasp import GraspObject
-from tests.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, shells
-from tests.solids import solid
+from tests.support.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, shells
+from tests.support.solids import solid
 
 FRICTIONS = (0.1, 0.3, 0.8, 0.2, 0.5, 0.15)
 SEEDS = 18

@@ -33,7 +33,7 @@ from benchmarks.peers import (
 from drake_polygrasp import GraspObject, GraspPlan, load_object, plan_grasps
 from drake_polygrasp.arrays import Array, keep_freed_memory
 from drake_polygrasp.geometry.regions import Regions, erode
-from drake_polygrasp.task import TIP_RADIUS
+from drake_polygrasp.pipeline.request import TIP_RADIUS
 
 CUBE = Path(__file__).resolve().parents[1] / "models" / "cube" / "cube.sdf"
 SEED = 0

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drake_polygrasp.arrays import Array
-from tests.common import round_body
-from tests.convex_polyhedra import (
+from tests.support.common import round_body
+from tests.support.convex_polyhedra import (
     boxes,
     ellipsoid_hull,
     holed_prism,

@@ -14,14 +14,14 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.certify import prove_many
-from drake_polygrasp.certification.wrench_space import RELATIVE_GAP, epsilon_interval
-from drake_polygrasp.epsilon_bound import epsilon_upper_bound
+from drake_polygrasp.certification.robustness import RELATIVE_GAP, epsilon_interval
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.geometry.seating import face_of, seat, tip_fits
 from drake_polygrasp.grasp import GraspObject, Verdict
-from drake_polygrasp.planning.epsilon_estimate import epsilon_estimates
-from drake_polygrasp.planning.orientation import friction_angle, opposes
-from drake_polygrasp.wrench import force_closure
+from drake_polygrasp.paper.orientation import friction_angle, opposes
+from drake_polygrasp.wrenches.contacts import force_closure
+from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
+from drake_polygrasp.wrenches.epsilon_estimate import epsilon_estimates
 
 NUM_TRIPLES = 5_000
 ROUNDING = 1e-3

@@ -32,7 +32,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody, WeldJoint
 
-from drake_polygrasp.child_process import Task, call_in_child
+from drake_polygrasp.cli.child_process import Task, call_in_child
 from drake_polygrasp.errors import ModelError, PolygraspError
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.body_object import DEFAULT_MU

@@ -22,10 +22,10 @@ import numpy as np
 from benchmarks.objects import MU
 from drake_polygrasp import load_object, plan_grasps
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.certification.geometry import check_geometry
-from drake_polygrasp.certification.scratch_plant import make_scene
-from tests.convex_polyhedra import write_obj
-from tests.scanned import Radius, blob, bottle, can, rounded_box, scan
+from drake_polygrasp.plant.contact_geometry import check_geometry
+from drake_polygrasp.plant.scratch_plant import make_scene
+from tests.support.convex_polyhedra import write_obj
+from tests.support.scanned import Radius, blob, bottle, can, rounded_box, scan
 
 SIZES = (2000, 4000, 8000, 12_000, 16_000)
 NOISES = (0.0, 5e-5, 1e-4, 2e-4, 3e-4)

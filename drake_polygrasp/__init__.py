@@ -21,11 +21,10 @@ from typing import TYPE_CHECKING, Any
 from drake_polygrasp._version import __version__
 
 if TYPE_CHECKING:
-    from drake_polygrasp.certification.in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.errors import GraspFileError, ModelError, PolygraspError, UsageError
-    from drake_polygrasp.explain import Explanation, explain_sets
-    from drake_polygrasp.export import contact_poses, export_directives
-    from drake_polygrasp.gap import BetterGrasp, Gap, epsilon_gap
+    from drake_polygrasp.exporters.directives import contact_poses, export_directives
+    from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
+    from drake_polygrasp.files.stated_grasp import GraspFile
     from drake_polygrasp.geometry.obstacles import Obstacles
     from drake_polygrasp.grasp import (
         Certificate,
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
         PlantRecord,
         PlantVerdict,
     )
-    from drake_polygrasp.grasp_file import load_grasps, save_grasps
     from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.loading.plant_object import object_from_plant
     from drake_polygrasp.loading.plant_obstacles import obstacles_from_plant
@@ -44,12 +42,14 @@ if TYPE_CHECKING:
         load_surroundings,
         surroundings_from_plant,
     )
-    from drake_polygrasp.pipeline import GraspPlan, plan_grasps
-    from drake_polygrasp.plant_ranking import rank_in_plant
-    from drake_polygrasp.stated_grasp import GraspFile
-    from drake_polygrasp.systems import GraspForces
-    from drake_polygrasp.verification import verify_file
-    from drake_polygrasp.verification_report import Report
+    from drake_polygrasp.optimality.gap import BetterGrasp, Gap, epsilon_gap
+    from drake_polygrasp.pipeline.explain import Explanation, explain_sets
+    from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
+    from drake_polygrasp.pipeline.plant_ranking import rank_in_plant
+    from drake_polygrasp.plant.certify_in_plant import PlantReport, certify_in_plant
+    from drake_polygrasp.plant.grasp_forces import GraspForces
+    from drake_polygrasp.verification.report import Report
+    from drake_polygrasp.verification.verify import verify_file
 
 __all__ = [
     "BetterGrasp",
@@ -91,23 +91,27 @@ __all__ = [
 ]
 
 _HOMES = {
-    "certification.in_plant": ("PlantReport", "certify_in_plant"),
     "errors": ("GraspFileError", "ModelError", "PolygraspError", "UsageError"),
-    "export": ("contact_poses", "export_directives"),
-    "gap": ("BetterGrasp", "Gap", "epsilon_gap"),
+    "exporters.directives": ("contact_poses", "export_directives"),
+    "files.grasp_file": ("load_grasps", "save_grasps"),
+    "files.stated_grasp": ("GraspFile",),
     "geometry.obstacles": ("Obstacles",),
-    "grasp": ("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
-    "grasp_file": ("load_grasps", "save_grasps"),
+    "grasp": (
+        *("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
+        *("PlantRecord", "PlantVerdict"),
+    ),
     "loading.object_model": ("load_object",),
     "loading.plant_object": ("object_from_plant",),
     "loading.plant_obstacles": ("obstacles_from_plant",),
     "loading.surroundings": ("Surroundings", "load_surroundings", "surroundings_from_plant"),
-    "pipeline": ("Explanation", "GraspPlan", "explain_sets", "plan_grasps"),
-    "plant_ranking": ("rank_in_plant",),
-    "plant_verdicts": ("PlantRecord", "PlantVerdict"),
-    "stated_grasp": ("GraspFile",),
-    "systems": ("GraspForces",),
-    "verification": ("Report", "verify_file"),
+    "optimality.gap": ("BetterGrasp", "Gap", "epsilon_gap"),
+    "pipeline.explain": ("Explanation", "explain_sets"),
+    "pipeline.plan": ("GraspPlan", "plan_grasps"),
+    "pipeline.plant_ranking": ("rank_in_plant",),
+    "plant.certify_in_plant": ("PlantReport", "certify_in_plant"),
+    "plant.grasp_forces": ("GraspForces",),
+    "verification.report": ("Report",),
+    "verification.verify": ("verify_file",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

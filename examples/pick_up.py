@@ -39,8 +39,8 @@ from drake_polygrasp import (
     plan_grasps,
 )
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.certification.holding import HoldingProgram, hold, normal_forces
-from drake_polygrasp.certification.wrench_space import GRAVITY
+from drake_polygrasp.certification.holding_forces import HoldingProgram, hold, normal_forces
+from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.visualization import look_at, save_html
 from examples.fingertips import TIP_MASS, Commands, Fingertips, Scene, build_scene
 from examples.motion import Motion, Task, Z, plan_motion

@@ -1,11 +1,16 @@
-"""The rules that keep the planner, the judge and Drake apart."""
+"""The rules of the house: what each room may know, and that a file is where its name says."""
 
 from __future__ import annotations
 
 import ast
+import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
+from graphlib import TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -15,75 +20,92 @@ import drake_polygrasp
 PACKAGE = Path(drake_polygrasp.__file__).parent
 ROOT = PACKAGE.parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
-PURE = [
-    *(
-        PACKAGE / f"{name}.py"
-        for name in (
-            "errors",
-            "arguments",
-            "vectors",
-            "digits",
-            "grasp",
-            "plant_verdicts",
-            "wrench",
-            "facet_lines",
-            "epsilon_bound",
-        )
-    ),
-    *PACKAGE.glob("geometry/*.py"),
-    *PACKAGE.glob("planning/*.py"),
-]
-ALLOWED_IN_PURE = ("pydrake.math",)
-LAYERS = (
-    ("errors", "arrays", "arguments", "progress", "vectors", "digits"),
-    ("geometry", "wrench", "facet_lines", "epsilon_bound"),
-    ("plant_verdicts", "grasp", "stated_grasp"),
-    ("input_file", "plain_yaml", "loading"),
-    ("planning", "certification", "grasp_file", "plan_settings", "plant_block"),
-    (
-        "claims",
-        "verification",
-        "task",
-        "contenders",
-        "proposals",
-        "longer_search",
-        "judging",
-        "pipeline",
-        "gap",
-        "plant_results",
-        "plant_ranking",
-        "export",
-        "systems",
-    ),
-    (
-        "visualization",
-        "progress_line",
-        "child_process",
-        "tables",
-        "plant_table",
-        "command_values",
-        "command_line",
-        "cli",
-        "__main__",
-    ),
-)
-"""From the bottom up: nothing imports what stands in a later row."""
+ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
+
+BASE = {
+    *("_version", "arguments", "arrays", "digits", "errors", "input_file", "progress", "vectors"),
+}
+"""Files at the top that every room may import, and that import nothing but each other."""
+MAY_IMPORT: dict[str, set[str]] = {
+    "wrenches": set(),
+    "geometry": set(),
+    "grasp": {"geometry"},
+    "paper": {"geometry", "grasp"},
+    "search": {"geometry", "wrenches"},
+    "certification": {"grasp", "wrenches"},
+    "loading": {"geometry", "grasp"},
+    "plant": {"certification", "geometry", "grasp", "loading"},
+    "files": {"geometry", "grasp", "wrenches"},
+    "exporters": {"files", "grasp", "wrenches"},
+    "verification": {
+        *("certification", "files", "geometry", "grasp", "loading", "plant", "wrenches"),
+    },
+    "pipeline": {
+        *("certification", "geometry", "grasp", "loading", "paper", "plant", "search", "wrenches"),
+    },
+    "optimality": {
+        *("certification", "files", "geometry", "grasp", "pipeline", "search", "wrenches"),
+    },
+    "visualization": {
+        *("certification", "files", "geometry", "grasp", "paper", "pipeline", "wrenches"),
+    },
+    "cli": {
+        *("exporters", "files", "grasp", "loading", "optimality", "paper", "pipeline"),
+        *("verification", "visualization"),
+    },
+}
+"""Which rooms a room may import. The paper and the search do not know each other, what certifies
+knows neither them nor files nor Drake's plants, and the command alone may know all."""
+PURE = ("geometry", "wrenches", "paper", "search")
+"""Rooms without plants and scenes."""
+MOST_LINES = 350
+LONG_FILES = {"certification/exact.py": "runs alone, and is read whole by who trusts nothing else"}
+INSIDE_ROOMS = {
+    *("certification.certify", "certification.exact", "certification.holding_forces"),
+    *("certification.robustness", "loading.packages", "loading.parsed_model", "paper.trace"),
+    *("visualization.explanation", "visualization.figures", "visualization.palette"),
+    "visualization.sketch",
+}
+"""Modules inside rooms that notebooks and examples import, for want of a name in the room."""
 
 
-def imports(module: Path) -> Iterator[str]:
+def name_of(module: Path) -> str:
+    """Its dotted name within the package."""
+    return ".".join(module.relative_to(PACKAGE).with_suffix("").parts)
+
+
+NAMES = {name_of(module): module for module in MODULES}
+
+
+def short(module: Path) -> str:
+    return str(module.relative_to(ROOT))
+
+
+def room_of(name: str) -> str:
+    return name.partition(".")[0]
+
+
+def imports_in(text: str) -> Iterator[str]:
     """Every module that is named in an import, also inside functions and under TYPE_CHECKING."""
-    for node in ast.walk(ast.parse(module.read_text())):
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{module}: relative import"
+            assert node.level == 0, "relative import"
             assert node.module is not None
             yield node.module
             yield from (f"{node.module}.{alias.name}" for alias in node.names)
 
 
-def short(module: Path) -> str:
-    return str(module.relative_to(ROOT))
+def imports(module: Path) -> Iterator[str]:
+    yield from imports_in(module.read_text())
+
+
+@cache
+def own_imports(module: Path) -> frozenset[str]:
+    """The files of the package that a file imports, by their names within it."""
+    within = (name.removeprefix("drake_polygrasp.") for name in imports(module))
+    return frozenset(name for name in within if name in NAMES) - {name_of(module)}
 
 
 def loaded_by(*arguments: str) -> tuple[set[str], subprocess.CompletedProcess[str]]:
@@ -99,41 +121,52 @@ def loaded_by(*arguments: str) -> tuple[set[str], subprocess.CompletedProcess[st
     return {line.rpartition("|")[2].strip() for line in lines}, result
 
 
+def test_the_top_has_few_loose_files() -> None:
+    loose = {name for name in NAMES if "." not in name} - {"__init__", "__main__"}
+    assert loose == BASE | {"grasp"}
+    assert len(loose - {"_version"}) <= 8
+
+
+def test_rooms_stand_on_floors() -> None:
+    assert {*MAY_IMPORT} - {"grasp"} == {*ROOMS}
+    order = list(TopologicalSorter(MAY_IMPORT).static_order())  # CycleError if they do not
+    assert order[-1] == "cli" or "cli" not in {
+        room for rooms in MAY_IMPORT.values() for room in rooms
+    }
+
+
+@pytest.mark.parametrize("room", [*MAY_IMPORT, *sorted(BASE)])
+def test_a_room_imports_what_it_may_and_no_more_is_allowed(room: str) -> None:
+    files = [module for name, module in NAMES.items() if room_of(name) == room]
+    found = {room_of(name) for module in files for name in own_imports(module)} - {room}
+    if room in BASE:
+        assert found <= BASE
+    else:
+        assert found - BASE == MAY_IMPORT[room]
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    # The package itself names all that it offers and imports it when asked.
+    graph = {name: own_imports(module) for name, module in NAMES.items() if name != "__init__"}
+    assert len(list(TopologicalSorter(graph).static_order())) >= len(graph)
+
+
 @pytest.mark.parametrize("module", MODULES, ids=short)
 def test_no_module_imports_pydrake_all(module: Path) -> None:
     assert not [name for name in imports(module) if name.startswith("pydrake.all")]
 
 
-@pytest.mark.parametrize("module", PURE, ids=short)
-def test_the_core_imports_no_plant_and_no_geometry_of_drake(module: Path) -> None:
-    drake = [name for name in imports(module) if name.startswith("pydrake")]
-    assert not [name for name in drake if not name.startswith(ALLOWED_IN_PURE)]
-
-
 @pytest.mark.parametrize(
-    ("one", "other"), [("planning", "certification"), ("certification", "planning")]
+    "module",
+    [m for name, m in NAMES.items() if room_of(name) in {*PURE, *BASE, "grasp", "files"}],
+    ids=short,
 )
-def test_planner_and_judge_never_import_each_other(one: str, other: str) -> None:
-    for module in PACKAGE.glob(f"{one}/*.py"):
-        assert not [name for name in imports(module) if f"drake_polygrasp.{other}" in name]
+def test_pure_rooms_import_of_drake_its_mathematics_at_most(module: Path) -> None:
+    drake = [name for name in imports(module) if name.startswith("pydrake")]
+    assert not [name for name in drake if not name.startswith("pydrake.math")]
 
 
-@pytest.mark.parametrize("module", MODULES, ids=short)
-def test_imports_point_downward(module: Path) -> None:
-    def layer(name: str) -> int | None:
-        return next((i for i, row in enumerate(LAYERS) if name in row), None)
-
-    own = layer(module.relative_to(PACKAGE).parts[0].removesuffix(".py"))
-    if own is None:
-        assert module.name == "__init__.py", f"{short(module)} stands in no layer"
-        return
-    for name in imports(module):
-        package, _, rest = name.partition(".")
-        its = layer(rest.partition(".")[0])
-        assert package != "drake_polygrasp" or its is None or its <= own, name
-
-
-@pytest.mark.parametrize("name", ["pipeline", "plant_ranking"])
+@pytest.mark.parametrize("name", ["pipeline.plan", "pipeline.plant_ranking"])
 def test_planning_loads_no_plant_until_one_is_asked(name: str) -> None:
     loaded, result = loaded_by("-c", f"import drake_polygrasp.{name}")
     assert f"drake_polygrasp.{name}" in loaded, result.stderr[-1000:]
@@ -143,6 +176,63 @@ def test_planning_loads_no_plant_until_one_is_asked(name: str) -> None:
 def test_exact_needs_the_standard_library_only() -> None:
     roots = {name.partition(".")[0] for name in imports(PACKAGE / "certification" / "exact.py")}
     assert roots <= set(sys.stdlib_module_names)
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_says_what_each_of_its_files_is_for(room: str) -> None:
+    text = import_module(f"drake_polygrasp.{room}").__doc__ or ""
+    rows = [cell for line in text.splitlines() for cell in line.split(" | ")]
+    named = {cell.removeprefix("| ") for cell in rows if re.fullmatch(r"(\| )?\w+\.py", cell)}
+    assert named == {file.name for file in (PACKAGE / room).glob("[!_]*.py")}
+
+
+def test_the_table_of_the_paper_names_functions_and_tests_that_are_there() -> None:
+    text = import_module("drake_polygrasp.paper").__doc__ or ""
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines()[4:]]
+    rows = [row for row in rows if row]
+    assert {row[0] for row in rows} >= {"4.1", "4.1, 4.2", "5", "6", "7"}
+    for _, _, file, entries, test in rows:
+        module = import_module(f"drake_polygrasp.paper.{file.removesuffix('.py')}")
+        assert all(hasattr(module, entry) for entry in entries.split(", ")), file
+        assert (ROOT / "tests" / "paper" / test).is_file(), test
+
+
+@pytest.mark.parametrize("module", MODULES, ids=short)
+def test_a_long_file_has_its_reason(module: Path) -> None:
+    is_long = len(module.read_text().splitlines()) > MOST_LINES
+    assert is_long == (str(module.relative_to(PACKAGE)) in LONG_FILES)
+
+
+def test_each_folder_of_tests_is_of_a_room() -> None:
+    folders = {path.parent.name for path in (ROOT / "tests").glob("*/*.py")}
+    assert folders == {*ROOMS, "support"}
+    assert not list((ROOT / "tests" / "support").glob("test_*.py"))
+    assert [path.name for path in (ROOT / "tests").glob("*.py") if path.name[:5] != "test_"] == [
+        "conftest.py"
+    ]
+
+
+def shown_code() -> Iterator[tuple[str, str]]:
+    """What users are shown: the code of the README, of notebooks and of examples."""
+    readme = (ROOT / "README.md").read_text()
+    for block in re.findall(r"^```python\n(.*?)^```", readme, re.MULTILINE | re.DOTALL):
+        yield "README.md", block
+    for notebook in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        for cell in json.loads(notebook.read_text())["cells"]:
+            if cell["cell_type"] == "code":
+                yield notebook.name, re.sub(r"^%.*$", "", "".join(cell["source"]), flags=re.M)
+    for example in sorted((ROOT / "examples").glob("*.py")):
+        yield example.name, example.read_text()
+
+
+def test_users_are_shown_names_of_the_package_and_its_rooms() -> None:
+    met = set()
+    for _, code in shown_code():
+        for name in imports_in(code):
+            within = name.removeprefix("drake_polygrasp.")
+            if "." in within and within in NAMES:
+                met.add(within)
+    assert met == INSIDE_ROOMS
 
 
 def test_importing_the_package_loads_neither_drake_nor_numpy() -> None:
@@ -170,13 +260,14 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
 
 
 def test_verify_loads_no_planner(tmp_path: Path) -> None:
-    from tests.grasp_files import EXAMPLE
+    from tests.support.grasp_files import EXAMPLE
 
     file = tmp_path / "box.grasp.yaml"
     file.write_text(EXAMPLE)
     # What the command's child process imports while it works is seen in this process only.
-    code = f"from drake_polygrasp.verification import verify_file as v; v({str(file)!r})"
+    code = f"from drake_polygrasp.verification.verify import verify_file as v; v({str(file)!r})"
     for arguments in (("-m", "drake_polygrasp", "verify", str(file)), ("-c", code)):
         loaded, result = loaded_by(*arguments)
-        assert "drake_polygrasp.verification" in loaded, result.stderr[-1000:]
-        assert not {name for name in loaded if ".planning" in name or ".pipeline" in name}
+        rooms = {room_of(name.removeprefix("drake_polygrasp.")) for name in loaded}
+        assert "verification" in rooms, result.stderr[-1000:]
+        assert not rooms & {"paper", "search", "pipeline"}

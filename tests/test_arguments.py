@@ -38,9 +38,9 @@ from drake_polygrasp import (
 )
 from drake_polygrasp.arguments import check_array, check_count, check_number, check_path
 from drake_polygrasp.arrays import frozen
-from tests.grasp_files import write_box
-from tests.plant_scenes import cube_grasp, model, top_grasp
-from tests.test_plant_objects import CUBE, anchored, world
+from tests.loading.test_plant_objects import CUBE, anchored, world
+from tests.support.grasp_files import write_box
+from tests.support.plant_scenes import cube_grasp, model, top_grasp
 
 
 class Unprintable:

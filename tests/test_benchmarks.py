@@ -32,9 +32,9 @@ from benchmarks.peers import (
 from benchmarks.tables import HEADER, growth_table, kinds_table, row
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.wrench import force_closure
-from tests.convex_polyhedra import holed_prism
-from tests.solids import cube, solid
+from drake_polygrasp.wrenches.contacts import force_closure
+from tests.support.convex_polyhedra import holed_prism
+from tests.support.solids import cube, solid
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -10,8 +10,8 @@ import pytest
 
 from benchmarks.coverage import Comparison, best_of_paper, compare, holds, share, summary
 from benchmarks.hard_objects import hard_objects, stellated
-from drake_polygrasp.pipeline import plan_grasps
-from tests.solids import cube, solid
+from drake_polygrasp.pipeline.plan import plan_grasps
+from tests.support.solids import cube, solid
 
 
 def volume(triangles: np.ndarray) -> float:

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from drake_polygrasp import digits
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.convex import friction_at
-from drake_polygrasp.certification.wrench_space import epsilon_interval, squeeze_interval
-from drake_polygrasp.grasp_file import grasp_document, load_grasps, save_grasps
+from drake_polygrasp.certification.robustness import epsilon_interval, squeeze_interval
+from drake_polygrasp.files.grasp_file import grasp_document, load_grasps, save_grasps
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline import plan_grasps
+from drake_polygrasp.pipeline.plan import plan_grasps
 
 MODELS = Path(__file__).parent.parent / "models"
 POSITIVE = st.floats(1e-12, 1e12)

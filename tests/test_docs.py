@@ -18,17 +18,17 @@ import yaml
 from pydrake.math import RigidTransform
 
 from drake_polygrasp import load_object, plan_grasps, save_grasps, verify_file
-from drake_polygrasp.cli import main
+from drake_polygrasp.cli.main import main
 from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.files.grasp_file import load_grasps
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.seating import edge_distance
-from drake_polygrasp.grasp_file import load_grasps
-from drake_polygrasp.planning.planner import plan_sets
-from drake_polygrasp.planning.reasons import REASONS
-from drake_polygrasp.verification_report import Status
-from tests.convex_polyhedra import prism, write_obj
-from tests.solids import regular_polygon
+from drake_polygrasp.paper.reasons import REASONS
+from drake_polygrasp.paper.stages import plan_sets
+from drake_polygrasp.verification.report import Status
+from tests.support.convex_polyhedra import prism, write_obj
+from tests.support.solids import regular_polygon
 
 ROOT = Path(__file__).parents[1]
 MODELS = ROOT / "models"

@@ -16,40 +16,25 @@ import drake_polygrasp
 from benchmarks.kernels import compare, supported
 from benchmarks.objects import MU, Subject, models
 from drake_polygrasp.vectors import circle, dot, product, times, transformed
-from tests.convex_polyhedra import ellipsoid_hull, write_obj
+from tests.support.convex_polyhedra import ellipsoid_hull, write_obj
 
 PACKAGE = Path(drake_polygrasp.__file__).parent
 DECIDING = sorted(
     {
-        *PACKAGE.glob("geometry/*.py"),
-        *PACKAGE.glob("planning/*.py"),
         *(
-            PACKAGE / "certification" / f"{name}.py"
-            for name in ("certify", "convex", "wrench_space")
+            module
+            for room in ("geometry", "wrenches", "paper", "search", "pipeline")
+            for module in PACKAGE.glob(f"{room}/*.py")
         ),
-        *(
-            PACKAGE / f"{name}.py"
-            for name in (
-                "contenders",
-                "digits",
-                "epsilon_bound",
-                "facet_lines",
-                "pipeline",
-                "proposals",
-                "task",
-                "wrench",
-            )
-        ),
+        *(PACKAGE / "certification" / f"{name}.py" for name in ("certify", "convex", "robustness")),
+        PACKAGE / "digits.py",
     }
-    # Figures, the bound of the gap, and what is only held against a tolerance.
-    - {
-        *(PACKAGE / "planning" / f"{name}.py" for name in ("trace", "cell_bounds", "optimum")),
-        PACKAGE / "geometry" / "body_identity.py",
-    }
+    # Figures, and what is only held against a tolerance.
+    - {PACKAGE / "paper" / "trace.py", PACKAGE / "geometry" / "body_identity.py"}
 )
 BLAS = {"dot", "inner", "matmul", "tensordot", "vdot", "multi_dot"}
 LAPACK = {"solve", "inv", "pinv", "det", "eig", "eigh", "svd", "qr", "cholesky", "lstsq", "cond"}
-ROUNDED = {("search.py", "eigh")}
+ROUNDED = {("triples.py", "eigh")}
 """LAPACK where what comes of it is rounded at once."""
 UNORDERED = {"partition", "argpartition"}
 

@@ -17,8 +17,8 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.inradius import inradius
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import diameter, unit_normals
-from tests.convex_polyhedra import prism, write_obj
-from tests.solids import regular_polygon
+from tests.support.convex_polyhedra import prism, write_obj
+from tests.support.solids import regular_polygon
 
 LOAD = """
 import resource, sys

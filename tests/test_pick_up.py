@@ -12,12 +12,12 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.certification.wrench_space import GRAVITY
-from drake_polygrasp.wrench import edge_forces
+from drake_polygrasp.certification.robustness import GRAVITY
+from drake_polygrasp.wrenches.contacts import edge_forces
 from examples.motion import SAMPLE, Task, plan_motion
 from examples.pick_up import Target, choose, fingertips, least_friction, main, pick_up, settle
 from examples.report import Event, Record, Report, judge
-from tests.plant_scenes import MODELS
+from tests.support.plant_scenes import MODELS
 
 SHORT = Task(lift=0.05, rounds=1, hold=0.1)
 SLIPPERY = 0.7

@@ -1,8 +1,10 @@
-"""Does it hold? One question, several answers; nothing here knows how a grasp was found.
+"""Does it hold? Mathematics alone; nothing here knows how a grasp was found, or a file or plant.
 
-`exact` proves force closure from a few numbers in exact arithmetic, with the standard library
-alone; `convex` finds what it checks; `wrench_space` says how much more than the minimum a grasp
-can take; `certify` puts them together. `holding` finds the contact forces against a load;
-`geometry`, `statics` and `simulation` have a plant of Drake's hold the object (`scratch_plant`);
-`in_plant` sets mathematics and plant side by side.
-"""
+| file | what it holds |
+|---|---|
+| exact.py | proves force closure from a few numbers in exact arithmetic, with the standard library alone |
+| convex.py | finds the forces and twists that `exact` checks |
+| certify.py | proves grasps, and says of those that hold how well they do |
+| robustness.py | epsilon and the tolerances: how much more than the minimum a grasp withstands |
+| holding_forces.py | contact forces that hold the object against a load |
+"""  # noqa: E501 - a table

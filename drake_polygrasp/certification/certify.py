@@ -14,7 +14,7 @@ from drake_polygrasp.certification.convex import (
     find_internal_forces,
     least_friction,
 )
-from drake_polygrasp.certification.wrench_space import (
+from drake_polygrasp.certification.robustness import (
     Interval,
     epsilon_interval,
     friction_tolerance,

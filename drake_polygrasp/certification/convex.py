@@ -23,7 +23,7 @@ from drake_polygrasp.certification.exact import (
 )
 from drake_polygrasp.digits import at_least, significant
 from drake_polygrasp.vectors import dot, product, unit
-from drake_polygrasp.wrench import contact_frames, contact_triangle, edge_forces
+from drake_polygrasp.wrenches.contacts import contact_frames, contact_triangle, edge_forces
 
 MU_FLOOR = 1e-4
 """Ours: less friction than this is reported as none; near it the exact check's own room counts."""

@@ -1,8 +1,25 @@
 """The exposed surface of a body, pure: what fingers can touch, and where they touch it.
 
-`surface` merges the triangles of closed `shells` into the faces of a `polyhedron` and cuts away
-what other shells cover (`sections`) or seal (`cavities`); curved and noisy bodies become `patches`,
-and curved `primitives` are planned on inscribed polyhedra. `seating` brings contacts to the true
-surface (`facets`) and says whether a fingertip fits there; `triangles` and `inradius` measure.
-Where no finger may be though it could is `exclusion` and `obstacles`.
+| file | what it holds |
+|---|---|
+| tolerances.py | what is small enough to be rounding or noise |
+| triangles.py | normals, frames and distances of triangles |
+| needles.py | bounding boxes of triangles, long and narrow ones too |
+| triangle_soup.py | the triangles near points, and winding numbers |
+| face_triangles.py | triangles of mesh faces of more than three corners |
+| shells.py | triangles welded into closed shells, oriented outward |
+| sections.py | what shells cover of a plane |
+| cavities.py | rooms that the parts of a body seal |
+| primitives.py | spheres, ellipsoids, cylinders and capsules in closed form |
+| inradius.py | the largest disc inside a polygon |
+| polyhedron.py | faces of the exposed surface, and the body they bound |
+| surface.py | from collision triangles to that polyhedron |
+| patches.py | near-planar patches of curved and noisy surfaces |
+| facets.py | the facets and curved solids under patches |
+| regions.py | the eroded regions of faces that contacts may use: the paper's A_i |
+| face_sets.py | sets of two or three regions: all of them, their keys and their rows |
+| seating.py | contacts brought to the true surface, and room for a fingertip there |
+| exclusion.py | faces and directions that contacts avoid |
+| obstacles.py | what stands around a body and leaves fingertips no room |
+| body_identity.py | what tells one body from another |
 """

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.planning.orientation import least_ball_centre
-from drake_polygrasp.planning.planar import orthonormal_pair
-from drake_polygrasp.planning.traced import Trace
+from drake_polygrasp.paper.orientation import least_ball_centre
+from drake_polygrasp.paper.planar import orthonormal_pair
+from drake_polygrasp.paper.trace_result import Trace
 from drake_polygrasp.vectors import unit
 from drake_polygrasp.visualization.palette import CONTACTS, HATCHES, INK, OBJECT
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from drake_polygrasp.explain import Explanation
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning.reasons import MEANING, REASONS
-from drake_polygrasp.planning.trace import trace
-from drake_polygrasp.planning.traced import Trace
-from drake_polygrasp.task import TIP_RADIUS
+from drake_polygrasp.paper.reasons import MEANING, REASONS
+from drake_polygrasp.paper.trace import trace
+from drake_polygrasp.paper.trace_result import Trace
+from drake_polygrasp.pipeline.explain import Explanation
+from drake_polygrasp.pipeline.request import TIP_RADIUS
 from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
 
 

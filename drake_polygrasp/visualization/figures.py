@@ -23,7 +23,7 @@ from drake_polygrasp.certification.convex import find_internal_forces
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.seating import seat, tip_fits
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.planning.traced import OnPiL, OnPiP, OnPiS, Trace
+from drake_polygrasp.paper.trace_result import OnPiL, OnPiP, OnPiS, Trace
 from drake_polygrasp.visualization.directions import draw_directions
 from drake_polygrasp.visualization.meshes import section_lines
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE
@@ -39,7 +39,7 @@ from drake_polygrasp.visualization.plane_axes import (
     reach_of,
 )
 from drake_polygrasp.visualization.sketch import draw_faces
-from drake_polygrasp.wrench import edge_forces
+from drake_polygrasp.wrenches.contacts import edge_forces
 
 Tip = tuple[shapely.Polygon, bool]
 """A fingertip on Pi_p [m], seen along N, and whether the object leaves room for it."""
@@ -64,7 +64,7 @@ def draw_trace(
     """One panel for each plane that the set came to, and one for the forces that hold.
 
     Args:
-        its: what `planning.trace.trace` found.
+        its: what `paper.trace.trace` found.
         object_: drawn too, in 3-D and where Pi_p cuts it, if given.
         tip_radius: of fingertips to draw on Pi_p [m].
         ending: what to say of the set's end (default: what the trace says).

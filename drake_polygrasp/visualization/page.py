@@ -18,7 +18,7 @@ from pydrake.geometry import Meshcat
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.visualization.palette import CONTACTS, INK, PLANE
 from drake_polygrasp.visualization.scene import PATH, AnyGrasp
-from drake_polygrasp.wrench import edge_forces
+from drake_polygrasp.wrenches.contacts import edge_forces
 
 NOTE = (
     "Drag to turn, scroll to zoom. Spheres are fingertips, cones friction, arrows the forces that "

@@ -14,9 +14,9 @@ from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Shape, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.files.stated_grasp import StatedGrasp
 from drake_polygrasp.geometry.polyhedron import Face, surface_vertices
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
-from drake_polygrasp.stated_grasp import StatedGrasp
 from drake_polygrasp.visualization.labels import label_F
 from drake_polygrasp.visualization.meshes import (
     face_edges,
@@ -26,7 +26,7 @@ from drake_polygrasp.visualization.meshes import (
     surface_triangles,
 )
 from drake_polygrasp.visualization.palette import CONTACTS, COVER, INK, OBJECT, PLANE, rgb
-from drake_polygrasp.wrench import edge_forces
+from drake_polygrasp.wrenches.contacts import edge_forces
 
 PATH = "polygrasp"
 """Where in Meshcat's tree everything goes."""

@@ -20,7 +20,7 @@ from drake_polygrasp.visualization.meshes import (
 )
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
 from drake_polygrasp.visualization.scene import FORCE_SCALE, AnyGrasp, best_view, view_of_faces
-from drake_polygrasp.wrench import edge_forces
+from drake_polygrasp.wrenches.contacts import edge_forces
 
 _MM = 1e3
 

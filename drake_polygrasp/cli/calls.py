@@ -1,0 +1,40 @@
+"""What commands have a child process do: what it is called, and loading the model."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from drake_polygrasp.cli.child_process import READ_SECONDS, WORK_SECONDS, Task, call_in_child
+from drake_polygrasp.cli.reporting import warn
+
+if TYPE_CHECKING:
+    from drake_polygrasp.grasp import GraspObject
+
+
+def child_task(
+    arguments: argparse.Namespace, name: str, unit: str = "", seconds: float = WORK_SECONDS
+) -> Task:
+    """What a child is to do; machines that read JSON through a pipe are told no progress."""
+    quiet = getattr(arguments, "json", False) and not sys.stdout.isatty()
+    return Task(name, seconds, unit, quiet)
+
+
+def load_model(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
+    """The object, and the seconds it took to load; warnings are printed."""
+    object_, seconds = call_in_child(
+        "drake_polygrasp.loading.object_model:load_object",
+        arguments.model,
+        task=child_task(arguments, f"reading {arguments.model}", seconds=READ_SECONDS),
+        body_name=arguments.body,
+        mu=arguments.mu,
+        package_paths=arguments.package_path,
+        packages=dict(arguments.packages),
+        patch_angle=arguments.patch_angle,
+        patch_depth=arguments.patch_depth,
+        joints_free=arguments.joints_free,
+        scale=arguments.scale,
+    )
+    warn(object_.warnings)
+    return object_, seconds

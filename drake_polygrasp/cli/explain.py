@@ -1,0 +1,64 @@
+"""`polygrasp explain`: its options and its call."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from drake_polygrasp.cli.calls import child_task, load_model
+from drake_polygrasp.cli.child_process import call_in_child
+from drake_polygrasp.cli.options import add_command, add_common_options, add_object_options
+from drake_polygrasp.cli.reporting import DONE, as_json
+from drake_polygrasp.cli.values import read_face_set
+
+
+def add_explain(commands: Any) -> None:
+    """Adds the subcommand to those of the parser."""
+    parser = add_command(
+        commands, "explain", "Say of every set of faces whether it holds, or why not."
+    )
+    add_object_options(parser)
+    parser.add_argument(
+        "--set",
+        metavar="I,J,K",
+        type=read_face_set,
+        help="only the sets of these two or three faces (default: all, counted)",
+    )
+    parser.add_argument(
+        "--figure",
+        metavar="OUT",
+        type=Path,
+        help="draw a chart of the counts or, with --set, what the paper's steps compute for that "
+        "set: .png, .pdf or .svg",
+    )
+    add_common_options(parser)
+
+
+def run_explain(arguments: argparse.Namespace) -> tuple[int, str]:
+    """Returns the exit code and what to print."""
+    object_, _ = load_model(arguments)
+
+    from drake_polygrasp.cli.explain_table import all_sets_table, explain_document, one_set_table
+
+    explanation, _ = call_in_child(
+        "drake_polygrasp.pipeline.explain:explain_sets",
+        object_,
+        task=child_task(arguments, f"explaining {arguments.model}"),
+        method=arguments.method,
+        edge_clearance=arguments.edge_clearance,
+        tip_radius=arguments.tip_radius,
+        avoid_directions=arguments.avoid_direction,
+        exclude_faces=arguments.exclude_faces,
+    )
+    document = explain_document(arguments.model, object_, explanation, arguments.set)
+    if arguments.figure is not None:
+        from drake_polygrasp.visualization.explanation import draw_explanation
+        from drake_polygrasp.visualization.figures import save_figure
+
+        figure = draw_explanation(
+            object_, explanation, arguments.set, arguments.edge_clearance, arguments.tip_radius
+        )
+        save_figure(figure, arguments.figure)
+    table = one_set_table if arguments.set else all_sets_table
+    return DONE, as_json(document) if arguments.json else table(document)

@@ -1,0 +1,152 @@
+"""How near a plan's best grasp is to the best possible one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_polygrasp.arguments import check_callback, check_count, check_instance
+from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.certification.certify import prove_many
+from drake_polygrasp.certification.robustness import epsilon_interval
+from drake_polygrasp.errors import UsageError
+from drake_polygrasp.files.plan_block import exclusion_of
+from drake_polygrasp.geometry.regions import Regions, erode
+from drake_polygrasp.geometry.seating import tip_fits, tips_are_apart
+from drake_polygrasp.grasp import GraspObject, Verdict
+from drake_polygrasp.optimality.branch_and_bound import Optimum, bound_optimum
+from drake_polygrasp.pipeline.plan import GraspPlan
+from drake_polygrasp.progress import Progress, no_progress
+from drake_polygrasp.search.fingertip_room import with_tip_room
+from drake_polygrasp.search.triples import Triples
+
+NODES = 100_000
+"""About a minute, ours."""
+RELATIVE_GAP = 1e-3
+"""Of the interval of epsilon that the bound is compared with, ours."""
+
+
+@dataclass(frozen=True, eq=False)
+class BetterGrasp:
+    """Contacts that hold better than any grasp of a plan: proved, and with room for fingertips."""
+
+    faces: tuple[int, int, int]
+    p_BC: Array
+    """[m], shape (3, 3)."""
+    epsilon: float
+    """A lower bound."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gap:
+    """An upper bound of what is possible, and how far a plan is below it."""
+
+    epsilon_bound: float
+    """No three contacts on the plan's regions have a greater epsilon."""
+    epsilon: float
+    """A lower bound of that of the plan's best grasp, 0 without any."""
+    rank: int
+    """Which grasp of the plan that is, from 1; 0 without any."""
+    nodes: int
+    """Triples of pieces of faces that were bounded."""
+    complete: bool
+    """Whether the search ended by itself: more nodes would not lower the bound."""
+    better: BetterGrasp | None
+    """Met on the way; not among the plan's grasps."""
+
+    @property
+    def relative_gap(self) -> float | None:
+        """How much greater than the plan's best the bound is, over the best; None without one."""
+        return self.epsilon_bound / self.epsilon - 1.0 if self.epsilon else None
+
+
+def epsilon_gap(
+    object_: GraspObject,
+    plan: GraspPlan,
+    *,
+    nodes: int = NODES,
+    progress: Progress | None = None,
+) -> Gap:
+    """Bounds epsilon over all contacts that keep the plan's distance from edges.
+
+    The bound also holds where fingertips must have room, of which it takes no account: room, like
+    obstacles, only makes the best possible grasp worse. It holds but for rounding errors, and for
+    faces of a mesh that are flat to `FLATNESS` as if they were planes.
+
+    Args:
+        object_: what the plan is for.
+        plan: from `plan_grasps`.
+        nodes: how many triples of pieces of faces to bound at most; the same number, the same
+            answer.
+        progress: called with how many were bounded so far, and `nodes`.
+
+    Raises:
+        UsageError: when nodes is less than 1, or the body has patches of a curved or noisy
+            surface: contacts of these leave the planes that the bound is for.
+    """
+    check_instance("object_", object_, GraspObject, "as load_object returns it")
+    check_instance("plan", plan, GraspPlan, "as plan_grasps returns it")
+    nodes = check_count("nodes", nodes)
+    check_callback("progress", progress)
+    require_planar(object_)
+    regions = _regions(object_, plan)
+    scale = object_.p_BBcm, object_.rho
+    best, epsilon = 0, 0.0
+    for rank, certified in enumerate(plan.grasps, start=1):
+        grasp = certified.grasp
+        if certified.certificate.epsilon_upper > epsilon:
+            contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
+            lower = epsilon_interval(*contacts, *scale, relative_gap=RELATIVE_GAP).lower
+            best, epsilon = (rank, lower) if lower > epsilon else (best, epsilon)
+    tip_radius = plan.settings["tip_radius"]
+    roomy = with_tip_room(regions, object_.polyhedron, tip_radius)
+    optimum = bound_optimum(
+        regions, *scale, _known(regions, plan), epsilon, nodes, roomy, progress or no_progress
+    )
+    # Obstacles are not part of the plan's settings, only their names.
+    obstructed = "obstacles" in plan.settings
+    better = None if obstructed else _better(object_, regions, optimum, epsilon, tip_radius)
+    bound = max(optimum.bound, epsilon)
+    return Gap(bound, epsilon, best, optimum.nodes, optimum.complete, better)
+
+
+def require_planar(object_: GraspObject) -> None:
+    """Raises UsageError when the body has patches of a curved or noisy surface."""
+    if object_.polyhedron.is_patch.any():
+        raise UsageError(
+            "the bound of epsilon is for planar faces, and this body has patches of a curved or "
+            "noisy surface; simplify the body, or leave the gap out"
+        )
+
+
+def _regions(object_: GraspObject, plan: GraspPlan) -> Regions:
+    settings = plan.settings
+    by_default = "edge_clearance_share_of_inradius" in settings
+    regions = erode(object_.polyhedron, None if by_default else settings["edge_clearance"])
+    return regions.take(~exclusion_of(settings).avoids(regions.nhat_TB_B, regions.face))
+
+
+def _known(regions: Regions, plan: GraspPlan) -> Triples:
+    """The plan's grasps; of a face of several regions, on the first, for they share its plane."""
+    faces = np.array([certified.grasp.faces for certified in plan.grasps], dtype=np.int64)
+    p_BC = np.array([certified.grasp.p_BC for certified in plan.grasps])
+    region: Ints = np.searchsorted(regions.face, faces.reshape(-1, 3))
+    return Triples(region, p_BC.reshape(-1, 3, 3))
+
+
+def _better(
+    object_: GraspObject, regions: Regions, optimum: Optimum, epsilon: float, tip_radius: float
+) -> BetterGrasp | None:
+    """The best grasp that was met, if it is one and better."""
+    for region, p_BC in zip(optimum.best.region, optimum.best.p_BC, strict=True):
+        contacts = p_BC, regions.nhat_TB_B[region], regions.mu[region]
+        lower = epsilon_interval(*contacts, object_.p_BBcm, object_.rho).lower
+        (proof,) = prove_many(*(values[None] for values in contacts))
+        fits = tip_fits(object_.polyhedron, *contacts[:2], tip_radius).all()
+        p, nhat = p_BC[None], regions.nhat_TB_B[region][None]
+        apart = tips_are_apart(object_.polyhedron, p, nhat, tip_radius)
+        if lower > epsilon and proof.verdict is Verdict.HOLDS and fits and apart[0]:
+            a, b, c = regions.face[region].tolist()
+            return BetterGrasp((a, b, c), frozen(p_BC), lower)
+    return None

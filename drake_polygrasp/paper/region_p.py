@@ -1,0 +1,321 @@
+"""Section 6: the segments a_i = Pi_p cut with A_i, and the region P that they leave for forces.
+
+A face that is not convex gives several segments; all are kept, for treating them as one puts
+contacts into holes. P may be empty although the set passed Section 4, for whole faces allow more
+than their segments do: then three other offsets of Pi_p within R^s are tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import shapely
+
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes
+from drake_polygrasp.geometry.regions import Boundary, Regions
+from drake_polygrasp.paper.grasp_plane import Planes, other_heights
+from drake_polygrasp.paper.planar import Scale, Section, outer_ends, section
+from drake_polygrasp.paper.position import Opposed, PlaneDirections
+from drake_polygrasp.paper.strips import hulls_in_strips, strips_meet
+from drake_polygrasp.paper.two_faces import FIRST, OVERLAP
+from drake_polygrasp.vectors import cross, dot, product
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """Planes with their segments and a non-empty P, roles settled: A_2 (and A_3) oppose A_1."""
+
+    owner: Ints
+    """Index of each row's set, shape (M,)."""
+    region: Ints
+    """A_1, A_2, A_3, shape (M, 3)."""
+    nhat_B: Array
+    """N, shape (M, 3)."""
+    along_B: Array
+    """As in Planes, shape (M, 3)."""
+    height: Array
+    """N . p on Pi_p [m], shape (M,)."""
+    segments: Section
+    """a_1, a_2, a_3: arrays with rows of three; shapes (M, 3, 3), (M, 3, 3), (M, 3, S, 2)."""
+    area_s: Array
+    """I^s [m^2], shape (M,)."""
+    d_1: Array
+    """[m], shape (M,)."""
+    area_p: Array
+    """I^p [m^2], shape (M,)."""
+    p_Bc: Array
+    """c_I^p, centroid of P, a point of Pi_p [m], shape (M, 3)."""
+    d_2: Array
+    """Distance from c_I^p to c_m^p [m], shape (M,)."""
+
+    def take(self, rows: Ints | Bools) -> Cut:
+        """The same for some of the rows."""
+        columns = {
+            column.name: getattr(self, column.name)[rows]
+            for column in fields(self)
+            if column.name != "segments"
+        }
+        return Cut(segments=self.segments.take(rows), **columns)
+
+
+def joined(cuts: list[Cut]) -> Cut:
+    """One batch of several, in order."""
+    if len(cuts) == 1:
+        return cuts[0]
+    size = max(cut.segments.intervals.shape[2] for cut in cuts)
+    padded = []
+    for cut in cuts:
+        spare = size - cut.segments.intervals.shape[2]
+        pad = ((0, 0), (0, 0), (0, spare), (0, 0))
+        intervals = np.pad(cut.segments.intervals, pad, constant_values=np.nan)
+        padded.append(replace(cut, segments=replace(cut.segments, intervals=intervals)))
+    columns = {
+        column.name: np.concatenate([getattr(cut, column.name) for cut in padded])
+        for column in fields(Cut)
+        if column.name != "segments"
+    }
+    parts = [cut.segments for cut in padded]
+    segments = Section(
+        np.concatenate([part.p_BS for part in parts]),
+        np.concatenate([part.slope_B for part in parts]),
+        np.concatenate([part.intervals for part in parts]),
+    )
+    return Cut(segments=segments, **columns)
+
+
+def _segments(
+    regions: Regions,
+    edges: Boundary,
+    region: Ints,
+    nhat: Array,
+    height: Array,
+    axis: Array,
+    scale: Scale,
+) -> Section:
+    """a_i for J faces of each row: region (M, J), axis (M, J, 3)."""
+    shape = region.shape
+    rows = np.repeat(np.arange(shape[0]), shape[1])
+    cut = section(
+        regions,
+        edges,
+        region.ravel(),
+        nhat[rows],
+        height[rows],
+        axis.reshape(-1, 3),
+        scale.length_slack,
+    )
+    return Section(
+        cut.p_BS.reshape(*shape, 3),
+        cut.slope_B.reshape(*shape, 3),
+        cut.intervals.reshape(*shape, *cut.intervals.shape[1:]),
+    )
+
+
+def _cut(
+    planes: Planes,
+    region: Ints,
+    height: Array,
+    segments: Section,
+    area_p: Array,
+    p_Bc: Array,
+    scale: Scale,
+) -> Cut:
+    depth = dot(planes.nhat_B, scale.p_BBcm) - height
+    from_cm = p_Bc - scale.p_BBcm + depth[:, None] * planes.nhat_B
+    return Cut(
+        planes.owner,
+        region,
+        planes.nhat_B,
+        planes.along_B,
+        height,
+        segments,
+        planes.area_s,
+        planes.d_1,
+        area_p,
+        p_Bc,
+        np.sqrt(dot(from_cm, from_cm)),
+    )
+
+
+def _at_first_height(planes: Planes, attempt: Callable[[Ints, Array], tuple[Cut, Ints]]) -> Cut:
+    """The planes with P not empty, at their first offset that has one.
+
+    `attempt` takes rows of the planes and offsets for them [m], and says which of the planes its
+    cuts are of.
+    """
+    pending = np.ones(len(planes.owner), dtype=bool)
+    cut, done = attempt(np.flatnonzero(pending), planes.height)
+    found = [cut]
+    pending[done] = False
+    if pending.any():
+        for height in other_heights(planes).T:
+            cut, done = attempt(np.flatnonzero(pending), height[pending])
+            found.append(cut)
+            pending[done] = False
+    return joined(found)
+
+
+def cut_nonparallel(
+    regions: Regions, edges: Boundary, planes: Planes, on: PlaneDirections, scale: Scale
+) -> Cut:
+    """P of non-parallel sets: intersection of three strips along n'_i, tangent to a_i.
+
+    Args:
+        regions: all regions.
+        edges: their boundary.
+        planes: M planes parallel to Pi_l.
+        on: directions on Pi_l of the M planes' sets.
+        scale: the object's size.
+
+    Returns:
+        The planes with P not empty, at their first offset that has one.
+    """
+
+    def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
+        segments = _segments(
+            regions, edges, planes.region[rows], planes.nhat_B[rows], height, on.that[rows], scale
+        )
+        ends = outer_ends(segments.intervals)
+        meet = strips_meet(on.turn[rows], ends[..., 0], ends[..., 1], scale.length_slack)
+        rows, height, ends = rows[meet], height[meet], ends[meet]
+        area, centre = on.take(rows).polygon(ends[..., 0], ends[..., 1])
+        p_Bc = centre + height[:, None] * planes.nhat_B[rows]
+        trial, segments = planes.take(rows), segments.take(meet)
+        return _cut(trial, trial.region, height, segments, area, p_Bc, scale), rows
+
+    return _at_first_height(planes, attempt)
+
+
+def cut_without_p(
+    regions: Regions, edges: Boundary, planes: Planes, axis: Array, scale: Scale
+) -> Cut:
+    """The segments of planes at their first offset where P is empty: to show why it is.
+
+    Args as of `cut_nonparallel`, and the axes to measure along, shape (M, 3, 3).
+    """
+    segments = _segments(regions, edges, planes.region, planes.nhat_B, planes.height, axis, scale)
+    area_p, p_Bc = np.zeros(len(planes.owner)), np.full((len(planes.owner), 3), np.nan)
+    return _cut(planes, planes.region, planes.height, segments, area_p, p_Bc, scale)
+
+
+def cut_parallel(regions: Regions, edges: Boundary, planes: Planes, scale: Scale) -> Cut:
+    """P of parallel sets: hull(a_1, a_2, a_3) cut with the strip along n_bs tangent to a_1."""
+    axis = np.repeat(_across(planes)[:, None], 3, axis=1)
+
+    def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
+        region = planes.region[rows]
+        segments = _segments(regions, edges, region, planes.nhat_B[rows], height, axis[rows], scale)
+        cut, good = _with_region_p(planes.take(rows), region, height, segments, scale)
+        return cut, rows[good]
+
+    return _at_first_height(planes, attempt)
+
+
+def cut_two_faces(
+    regions: Regions,
+    edges: Boundary,
+    planes: Planes,
+    sets: Opposed,
+    widest: Ints,
+    pocket: Shapes,
+    scale: Scale,
+) -> Cut:
+    """P of pairs, as of parallel sets, once the face with two contacts is known.
+
+    Args:
+        regions: all regions.
+        edges: their boundary.
+        planes: M planes; their regions are the pair's two faces.
+        sets: the pairs, which planes.owner points into.
+        widest: which region R_maxT is, shape (M,).
+        pocket: the pocket between the two contacts where R_maxT is R_i, shape (M,).
+        scale: the object's size.
+    """
+    axis = np.repeat(_across(planes)[:, None], 2, axis=1)
+    settled = widest != OVERLAP
+
+    def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
+        pair = planes.region[rows, :2]
+        both = _segments(regions, edges, pair, planes.nhat_B[rows], height, axis[rows], scale)
+        length = np.nansum(both.intervals[..., 1] - both.intervals[..., 0], axis=-1)
+        # 7.3: the longer segment holds two contacts; of equal ones, either.
+        longer = length >= length.max(axis=1, keepdims=True) - scale.length_slack
+        chosen = (widest[rows] - FIRST)[:, None] == np.arange(2)
+        row, double = np.nonzero(np.where(settled[rows, None], chosen, longer))
+
+        which = row[:, None], np.stack([1 - double, double, double], axis=1)
+        segments = Section(both.p_BS[which], both.slope_B[which], both.intervals[which])
+        rows, height = rows[row], height[row]
+        divided = np.flatnonzero(settled[rows])
+        if len(divided):
+            segments.intervals[divided, 1:] = _beside_pocket(
+                segments.take(divided),
+                sets.take(planes.owner[rows[divided]]),
+                pocket[rows[divided]],
+            )
+        cut, good = _with_region_p(planes.take(rows), pair[which], height, segments, scale)
+        return cut, rows[good]
+
+    return _at_first_height(planes, attempt)
+
+
+def _across(planes: Planes) -> Array:
+    return cross(planes.along_B, planes.nhat_B)
+
+
+def _beside_pocket(segments: Section, sets: Opposed, pocket: Shapes) -> Array:
+    """a_2 and a_3 as the two segments of A_i next to the widest gap that lies in the pocket.
+
+    Where no gap does (the plane passes below the pocket), both are all of A_i's segments.
+
+    Returns:
+        shape (M, 2, S, 2).
+    """
+    both = segments.intervals[:, 1:].copy()
+    intervals = segments.intervals[:, 1]
+    gap = intervals[:, 1:, 0] - intervals[:, :-1, 1]
+    middle = (intervals[:, 1:, 0] + intervals[:, :-1, 1]) / 2
+    points = segments.p_BS[:, 1, None] + middle[..., None] * segments.slope_B[:, 1, None]
+    u, v = dot(points, sets.u[:, None]), dot(points, sets.v[:, None])
+    in_pocket = shapely.intersects_xy(pocket[:, None], np.nan_to_num(u), np.nan_to_num(v))
+    gap = np.where(in_pocket & np.isfinite(gap), gap, -np.inf)
+    rows = np.flatnonzero(gap.max(axis=1, initial=-np.inf) > 0)
+    left = np.argmax(gap[rows], axis=1) if len(rows) else rows
+    for side in (0, 1):
+        kept = intervals[rows, left + side]
+        both[rows, side] = np.nan
+        both[rows, side, 0] = kept
+    return both
+
+
+def _with_region_p(
+    planes: Planes, region: Ints, height: Array, segments: Section, scale: Scale
+) -> tuple[Cut, Ints]:
+    """The rows whose P = hull(a_1, a_2, a_3) cut with a_1's strip has an area, and which."""
+    ends = outer_ends(segments.intervals)
+    rows = np.flatnonzero(~np.isnan(ends[..., 0]).any(axis=1))
+    left, right = ends[rows, 0].T
+    hull = segment_hulls(segments.take(rows), planes.along_B[rows], _across(planes)[rows])
+    area, centre = hulls_in_strips(hull, left, right)
+    good = area > scale.area_slack
+    rows, area, centre = rows[good], area[good], centre[good]
+    planes, height = planes.take(rows), height[rows]
+    p_Bc = (
+        centre[:, :1] * planes.along_B
+        + centre[:, 1:] * _across(planes)
+        + height[:, None] * planes.nhat_B
+    )
+    return _cut(planes, region[rows], height, segments.take(rows), area, p_Bc, scale), rows
+
+
+def segment_hulls(segments: Section, x_axis: Array, y_axis: Array) -> Shapes:
+    """hull(a_1, a_2, a_3) in coordinates along two unit vectors of Pi_p, shape (M,)."""
+    ends = outer_ends(segments.intervals)
+    points = segments.p_BS[:, :, None] + ends[..., None] * segments.slope_B[:, :, None]
+    axes = np.stack([x_axis, y_axis], axis=2)
+    hulls: Shapes = shapely.convex_hull(
+        shapely.linestrings(product(points.reshape(-1, 6, 3), axes), handle_nan="skip")
+    )
+    return hulls

@@ -1,0 +1,66 @@
+"""Follows every set of faces to its end: proved, or the reason why not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_polygrasp.arrays import Ints, frozen
+from drake_polygrasp.geometry.obstacles import Obstacles
+from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.paper.orientation import least_opposing_friction
+from drake_polygrasp.paper.reasons import REASONS, UNJUDGED, Method
+from drake_polygrasp.pipeline.judging import everything
+from drake_polygrasp.pipeline.request import make_task
+from drake_polygrasp.search.selection import Steps
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """What became of every set of faces."""
+
+    faces: Ints
+    """Faces of each set, ascending; -1 for a pair's third, shape (M, 3)."""
+    reasons: list[str]
+    """One of reasons.REASONS each, never "not_evaluated"."""
+    counts: dict[str, int]
+    mu_needed: float | None
+    excluded_faces: tuple[int, ...] = ()
+    """Faces whose every set is excluded, ascending."""
+
+
+def explain_sets(
+    object_: GraspObject,
+    *,
+    method: Method = "enriched",
+    edge_clearance: float | None = None,
+    tip_radius: float | None = None,
+    avoid_directions: Iterable[npt.ArrayLike] = (),
+    exclude_faces: Iterable[int] = (),
+    obstacles: Obstacles | None = None,
+) -> Explanation:
+    """Follows every set of faces through the paper's stages; arguments as of `plan_grasps`.
+
+    Sets that only the search beyond the paper finds a grasp for are certified too: all that
+    `plan_grasps` certifies, however many grasps it is asked for.
+    """
+    task = make_task(
+        object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
+    )
+    work = everything(task, Steps())
+    work.judge(np.flatnonzero(work.outcome == UNJUDGED))
+    code = work.set_codes()
+    counts = task.counts(code)
+    sets, code = task.with_excluded(work.plan.sets, code)
+    # A pair's third region, -1, becomes face -1.
+    faces = np.append(task.every_face, -1)[sets]
+    return Explanation(
+        frozen(faces, np.int64),
+        [REASONS[c] for c in code],
+        counts,
+        None if counts.get("certified") else least_opposing_friction(task.regions.nhat_TB_B),
+        task.excluded_faces,
+    )

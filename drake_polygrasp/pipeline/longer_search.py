@@ -1,0 +1,138 @@
+"""Goes on where the first search finds fewer grasps than wanted, or where everything is asked for.
+
+First come contacts at denser points, then any that hold, on whatever set of faces, then the paper's
+stages on sets that they have not seen, those of the greatest bound of epsilon first. What is tried,
+and in which order, does not depend on how many grasps are wanted, only when it ends: whatever a
+plan finds, one that wants more grasps finds too, and `explain_sets`, which goes to the end, calls
+nothing rejected that any plan certifies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from drake_polygrasp.arrays import Ints
+from drake_polygrasp.geometry.face_sets import in_order_of_sets, sets_of, with_sets
+from drake_polygrasp.paper.orientation import sets_oppose
+from drake_polygrasp.paper.reasons import CODE, SetPlan, has_contacts
+from drake_polygrasp.pipeline.candidates import Contenders, contenders, joined_candidates
+from drake_polygrasp.pipeline.proposals import quick_points
+from drake_polygrasp.pipeline.request import Task
+from drake_polygrasp.search.effort import ANY_SETS, CHUNKS, DENSE, FULL
+from drake_polygrasp.search.every_set import triples_on_each_set
+from drake_polygrasp.search.fingertip_room import with_tip_room
+from drake_polygrasp.search.sample_points import num_points, sample_points
+from drake_polygrasp.search.selection import (
+    PLACES,
+    Steps,
+    best_first,
+    best_places,
+    estimates,
+    improved_triples,
+)
+from drake_polygrasp.search.set_bounds import promising_sets
+from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, joined
+from drake_polygrasp.wrenches.contacts import force_closure
+
+
+def extended(task: Task, steps: Steps, work: Contenders) -> Iterator[Contenders]:
+    """Yields the candidates with more of them each time, until `ANY_SETS` sets have been seen.
+
+    Candidates and sets keep their places, new ones follow them; the outcomes of those that were
+    judged in between are kept.
+
+    Args:
+        task: what to plan for.
+        steps: what is done beyond the paper; without the search, no denser points.
+        work: the candidates so far.
+    """
+    if steps.search and _may_hold_elsewhere(task, work):
+        work = _with_denser_points(task, steps, work)
+        yield work
+        work = _with_all_points(task, steps, work)
+        yield work
+    num_sets = task.num_allowed_sets
+    best = _best_known(task, work)
+    for most in CHUNKS:
+        if most < num_sets and len(work.plan.sets) < num_sets:
+            scale = task.object_.p_BBcm, task.object_.rho
+            sets = promising_sets(
+                task.regions, best, *scale, above=-np.inf, most=most, opposing=sets_oppose
+            )
+            work = _with(task, steps, work, sets, NO_TRIPLES)
+            yield work
+    if len(work.plan.sets) < num_sets <= ANY_SETS:
+        yield _with(task, steps, work, task.every_set, NO_TRIPLES)
+
+
+def completed(task: Task, steps: Steps, work: Contenders) -> Contenders:
+    """The candidates, all that `extended` would add, and all sets however many.
+
+    Raises UsageError when sets are more than `task.MOST_SETS`.
+    """
+    task.require_countable()
+    if steps.search and _may_hold_elsewhere(task, work):
+        work = _with_denser_points(task, steps, work)
+        work = _with_all_points(task, steps, work)
+    return _with(task, steps, work, task.every_set, NO_TRIPLES)
+
+
+def _may_hold_elsewhere(task: Task, work: Contenders) -> bool:
+    """Whether some set that is not certified has faces that can oppose each other."""
+    code = work.set_codes()
+    closed = np.isin(code, (CODE["certified"], CODE["orientation"]))
+    return len(code) < task.num_allowed_sets or not bool(closed.all())
+
+
+def _with_denser_points(task: Task, steps: Steps, work: Contenders) -> Contenders:
+    triples = _denser_triples(task, steps)
+    sets = sets_of(triples.region[in_order_of_sets(triples.region)])
+    return _with(task, steps, work, sets, triples)
+
+
+def _with_all_points(task: Task, steps: Steps, work: Contenders) -> Contenders:
+    """With triples of few points on all sets whose faces may oppose each other."""
+    scale = task.object_.p_BBcm, task.object_.rho
+    points = quick_points(task)
+    triples = triples_on_each_set(task.regions, points, *scale, PLACES, sets_oppose)
+    sets = sets_of(triples.region[in_order_of_sets(triples.region)])
+    return _with(task, steps, work, sets, triples)
+
+
+def _denser_triples(task: Task, steps: Steps) -> Triples:
+    """Triples of denser points, at most `PLACES` on a set, and the best of them improved."""
+    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
+    points = sample_points(clear, num_points(len(regions.face), DENSE), may_exceed=True)
+    found = best_triples(clear, points, *scale, DENSE)
+    if not len(found.region):
+        return found
+    estimate = estimates(clear, found, *scale)
+    best = found.take(best_places(found.region, estimate, len(estimate), PLACES))
+    better = improved_triples(clear, found, *scale) if steps.improve else NO_TRIPLES
+    return joined(better, best)
+
+
+def _best_known(task: Task, work: Contenders) -> Triples:
+    """The candidates of force closure that are the best by estimate, with room for tips or not."""
+    rows = np.flatnonzero(has_contacts(work.candidates.p_BC))
+    rows = rows[force_closure(*work.contacts_of(rows))]
+    triples = Triples(work.candidates.region[rows], work.candidates.p_BC[rows])
+    estimate = estimates(task.regions, triples, task.object_.p_BBcm, task.object_.rho)
+    return triples.take(best_first(estimate)[: FULL.sources])
+
+
+def _with(task: Task, steps: Steps, work: Contenders, sets: Ints, triples: Triples) -> Contenders:
+    """The candidates, what the paper's stages make of sets not among theirs, and triples."""
+    old = work.plan
+    fresh = task.plan(steps, with_sets(old.sets, sets)[len(old.sets) :])
+    shifted = replace(fresh.candidates, set_index=fresh.candidates.set_index + len(old.sets))
+    plan = SetPlan(
+        np.concatenate([old.sets, fresh.sets]),
+        np.concatenate([old.code, fresh.code]),
+        joined_candidates(old.candidates, shifted),
+    )
+    return work.followed_by(contenders(task, plan, triples, len(old.candidates.set_index)))

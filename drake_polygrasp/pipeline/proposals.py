@@ -1,0 +1,143 @@
+"""Candidate grasps of a task: the paper's, and those beyond it, before any is proved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.geometry.face_sets import (
+    first_of_each_set,
+    in_order_of_sets,
+    set_numbers,
+    sets_of,
+    with_sets,
+)
+from drake_polygrasp.geometry.regions import Regions
+from drake_polygrasp.paper.orientation import sets_oppose
+from drake_polygrasp.paper.reasons import SetPlan, has_contacts, unplanned
+from drake_polygrasp.pipeline.candidates import Contenders, contenders, fits, is_clear
+from drake_polygrasp.pipeline.request import Task
+from drake_polygrasp.search.effort import FULL, QUICK
+from drake_polygrasp.search.face_support import points_on
+from drake_polygrasp.search.fingertip_room import with_tip_room
+from drake_polygrasp.search.local_improvement import improved
+from drake_polygrasp.search.sample_points import num_points, sample_points
+from drake_polygrasp.search.selection import (
+    PLACES,
+    Steps,
+    best_first,
+    best_places,
+    estimates,
+    improved_triples,
+    usable,
+)
+from drake_polygrasp.search.set_bounds import promising_sets
+from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, joined
+
+MANY_REGIONS = 24
+"""Ours: of more, only the sets that the search finds go through the paper's stages."""
+CHOSEN_SETS = 100
+"""How many sets the search then chooses, ours."""
+PROMISING_SETS = 4000
+"""Where the search finds grasps on fewer sets, ours: as many others, at most, whose bounds of
+epsilon are above the best grasp's go through the paper's stages too, a tenth of a second. Contacts
+must then be placed more exactly than sample points are: friction is low, or faces slender."""
+RESERVE = 3
+"""Times one more than the grasps wanted, ours: triples that stay as they were found."""
+
+
+def constructed(task: Task, steps: Steps) -> Contenders:
+    """The paper's stages on every set."""
+    return contenders(task, task.plan(steps), None)
+
+
+def enriched(task: Task, steps: Steps) -> Contenders:
+    """The paper's constructions, triples of sample points, and the best of both improved."""
+    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    if not (steps.search or steps.improve):
+        return constructed(task, steps)
+    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
+    found, chosen = NO_TRIPLES, None
+    if steps.search:
+        points = sample_points(clear, num_points(len(regions.face), FULL), may_exceed=True)
+        found = best_triples(clear, points, *scale)
+        if len(regions.face) > MANY_REGIONS:
+            found, chosen = _chosen(found)
+            if len(chosen) < CHOSEN_SETS:
+                chosen = with_sets(chosen, _promising(task, found))
+    plan = task.plan(steps, chosen)
+    triples = joined(_known(clear, plan), found)
+    better = improved_triples(clear, triples, *scale) if steps.improve else found
+    return contenders(task, plan, better)
+
+
+def _chosen(found: Triples) -> tuple[Triples, Ints]:
+    """The triples on the first sets found, and these sets."""
+    first = first_of_each_set(found.region)[:CHOSEN_SETS]
+    number = set_numbers(found.region)
+    return found.take(np.isin(number, number[first])), sets_of(found.region[first])
+
+
+def _promising(task: Task, found: Triples) -> Ints:
+    """Sets that may have a better grasp than those found, best bound first."""
+    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    estimate = estimates(regions, found, *scale)
+    best = found.take(best_first(estimate)[: FULL.sources])
+    return promising_sets(
+        regions,
+        best,
+        *scale,
+        above=estimate.max(initial=-1.0),
+        most=PROMISING_SETS,
+        opposing=sets_oppose,
+    )
+
+
+def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
+    """Triples of sample points, and the best of them a little improved; and estimates of epsilon.
+
+    These are of contacts on the planes of faces, before they are moved to the true surface.
+
+    Where improvement then leads into a corner, or so far that a grasp does not hold, the
+    triples themselves remain.
+    """
+    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    points = quick_points(task)
+    # Few triples are of few sets.
+    times = 1 + wanted // 2
+    rounds = tuple(times * num for num in QUICK.rounds)
+    effort = replace(QUICK, kept=times * QUICK.kept, rounds=rounds)
+    found = best_triples(regions, points, *scale, effort)
+    estimate = estimates(regions, found, *scale)
+    rows = best_places(found.region, estimate, RESERVE * (wanted + 1), PLACES)
+    best, estimate = found.take(rows), estimate[rows]
+    starts = best.take(slice(effort.starts))
+    p_BC, risen = improved(regions, starts.region, starts.p_BC, *scale, effort.rounds)
+    triples = joined(Triples(starts.region, p_BC), best)
+    sets = sets_of(triples.region[in_order_of_sets(triples.region)])
+    return contenders(task, unplanned(sets), triples), np.concatenate([risen, estimate])
+
+
+def quick_points(task: Task) -> tuple[Ints, Array]:
+    """A few sample points, their regions (N,) and their coordinates in these (N, 2) [m].
+
+    Those on flat faces without room for tips are left out, which costs less than cutting regions.
+    """
+    regions = task.regions
+    region, p_FC = sample_points(regions, num_points(len(regions.face), QUICK))
+    # The surface of a patch is not where its plane is.
+    flat = np.flatnonzero(~task.object_.polyhedron.is_patch[regions.face[region]])
+    contacts = points_on(regions, region[flat], p_FC[flat]), regions.nhat_TB_B[region[flat]]
+    has_room = np.ones(len(region), dtype=bool)
+    has_room[flat] = fits(task, *contacts) & is_clear(task, *contacts)
+    return region[has_room], p_FC[has_room]
+
+
+def _known(regions: Regions, plan: SetPlan) -> Triples:
+    """The constructions that are usable, best Q first."""
+    rows = plan.candidates
+    rows = rows.take(has_contacts(rows.p_BC))
+    known = Triples(rows.region, rows.p_BC).take(best_first(rows.Q))
+    return known.take(usable(regions, known))

@@ -1,0 +1,125 @@
+"""Checks that fingertips touch the object exactly where a grasp says, by SceneGraph and the facets.
+
+Distances are those from points to the true surface of each shape; between two shapes SceneGraph
+would take a Mesh for its convex hull.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    CalcContactFrictionFromSurfaceProperties,
+    CoulombFriction,
+)
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.seating import CRACK, face_of
+from drake_polygrasp.geometry.tolerances import ON_SURFACE
+from drake_polygrasp.plant.scratch_plant import Scene, add_surface, add_tip
+from drake_polygrasp.plant.surface_distance import Nearest, SurfaceDistance
+
+ROUNDING = 1e-9
+"""Ours, relative: what a combination of friction coefficients may be off."""
+
+
+class Fit(NamedTuple):
+    """How well a grasp fits the object."""
+
+    margin: float
+    """What the worst distance leaves of its tolerance [m]."""
+    faults: tuple[str, ...]
+    """What is wrong; nothing where the grasp fits."""
+    refusal: str = ""
+    """Why Drake did not measure a distance, which was then measured on triangles."""
+
+
+def check_geometry(scene: Scene) -> Fit:
+    """Checks contacts, normals, friction and room for the fingertips against the model.
+
+    Every distance has the tolerance `ON_SURFACE` L.
+
+    Raises:
+        RuntimeError: when Drake takes a shape for no geometry, or SystemExit where it asserts so.
+    """
+    surface = SurfaceDistance(scene.solid.parts)
+    tolerance = ON_SURFACE * scene.object_.polyhedron.diameter
+    distances = list(_distances(scene, surface))
+    faults = [*_facet_faults(scene), *_friction_faults(scene)]
+    faults += [f"{fault} by {off:.2g} m" for off, fault in distances if off > tolerance]
+    return Fit(tolerance - max(off for off, _ in distances), tuple(faults), surface.refusal)
+
+
+def _facet_faults(scene: Scene) -> Iterator[str]:
+    """Where the model's facets do not bear out a contact or its friction."""
+    grasp, polyhedron = scene.grasp, scene.object_.polyhedron
+    faces = face_of(polyhedron, grasp.p_BC, grasp.nhat_TB_B).tolist()
+    for i, (face, mu) in enumerate(zip(faces, grasp.mu.tolist(), strict=True), start=1):
+        if face < 0:
+            yield f"contact {i} is on no facet with its normal"
+        elif not mu <= polyhedron.faces[face].mu * (1 + ROUNDING):
+            yield f"contact {i} has friction {mu:.6g}, its face {polyhedron.faces[face].mu:.6g}"
+    if not scene.pad_width > 0:
+        yield "a contact is on an edge of its face"
+
+
+def _friction_faults(scene: Scene) -> Iterator[str]:
+    """Where Drake makes another coefficient of the pair than the contact's."""
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
+    surface = add_surface(plant, plant.AddRigidBody("object", scene.solid.M_BBo_B), scene)
+    tips = [add_tip(plant, plant.world_body(), scene, i, on_pad=False) for i in range(3)]
+    inspector: SceneGraphInspector = scene_graph.model_inspector()
+
+    def friction(geometry: GeometryId) -> CoulombFriction:
+        properties = inspector.GetProximityProperties(geometry)
+        return properties.GetProperty("material", "coulomb_friction")
+
+    for i, (tip, mu) in enumerate(zip(tips, scene.grasp.mu.tolist(), strict=True), start=1):
+        for part in surface:
+            pair = CalcContactFrictionFromSurfaceProperties(friction(tip), friction(part))
+            for combined in (pair.static_friction(), pair.dynamic_friction()):
+                if not abs(combined - mu) <= ROUNDING * mu:
+                    yield f"friction at contact {i} is {combined:.6g} in the plant, not {mu:.6g}"
+
+
+def _distances(scene: Scene, surface: SurfaceDistance) -> Iterator[tuple[float, str]]:
+    """By how much each thing is off [m], and what that would mean."""
+    radius, p_BT = scene.tip_radius, scene.p_BT
+    for i in range(3):
+        tip = surface.nearest(p_BT[i])
+        yield radius - tip.distance, f"fingertip {i + 1} penetrates the object"
+        yield tip.distance - radius, f"fingertip {i + 1} does not touch the object"
+        yield _off_contact(scene, surface, i, tip), f"fingertip {i + 1} touches elsewhere"
+    for i, j in itertools.combinations(range(3), 2):
+        apart = float(np.linalg.norm(p_BT[i] - p_BT[j]))
+        yield 2 * radius - apart, f"fingertips {i + 1} and {j + 1} overlap"
+
+
+def _off_contact(scene: Scene, surface: SurfaceDistance, i: int, tip: Nearest) -> float:
+    """How far sideways of contact i a sphere that should touch there touches the surface [m].
+
+    The radius to where a sphere touches is the surface's normal. A fingertip on a noisy surface may
+    touch a second facet as well, as near to its centre as the contact's own to within the
+    tolerance; a smaller sphere touches the contact alone. What it is off grows with the radius, and
+    is returned as of the fingertip's. Nothing is measured on the surface itself, where Drake's
+    gradient of the distance is no normal.
+    """
+    p_BC, nhat_TB_B = scene.grasp.p_BC[i], scene.grasp.nhat_TB_B[i]
+    tolerance = ON_SURFACE * scene.object_.polyhedron.diameter
+    least = CRACK / 2 * scene.object_.polyhedron.diameter
+    radius, off = scene.tip_radius, _sideways(tip.p_BN - p_BC, nhat_TB_B)
+    while off > tolerance and radius / 2 >= least:
+        radius /= 2
+        near = surface.nearest(p_BC - radius * nhat_TB_B)
+        off = min(off, _sideways(near.p_BN - p_BC, nhat_TB_B) * scene.tip_radius / radius)
+    return off
+
+
+def _sideways(vector: Array, nhat: Array) -> float:
+    return float(np.linalg.norm(vector - (vector @ nhat) * nhat))

@@ -1,0 +1,315 @@
+"""Fingertips that hold the object through time, in discrete time with Drake's own contact.
+
+Each tip slides on a prismatic joint along its contact's normal; a soft spring, whose far end is
+commanded, pushes it with the force that `holding` plans for the load at hand, so the hand
+redistributes forces as force closure promises it can. Sideways the joint is rigid: friction has
+to bear what the normal forces leave. Gravity acts as the object's weight at its centre of mass,
+turned instead of the hand, and each load starts again from the settled squeeze.
+
+Stiffness and speeds scale with the squeeze and with the object's diameter L, so that a screw and
+a crate are judged alike.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.geometry import Meshcat, MeshcatVisualizer, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    DiscreteContactApproximation,
+    ExternallyAppliedSpatialForce,
+)
+from pydrake.multibody.tree import (
+    PdControllerGains,
+    PrismaticJoint,
+    RigidBody,
+    SpatialInertia,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.certification.holding_forces import Holding, normal_forces
+from drake_polygrasp.plant.scratch_plant import Scene, add_covers, add_pads, add_surface, add_tip
+
+MAX_TIME_STEP = 1e-3
+"""[s]"""
+MAX_SPEED_STEP = 1.0
+"""[1/s], ours: of the squeeze times the time step, over the object's mass and diameter. Drake's
+contact gives way, however much friction is left, at about a thousandth of the impulse of a step
+over the mass, so that what is squeezed a hundred times as hard as it weighs creeps for numerical
+reasons alone; such steps keep that below a third of `MAX_CREEP`."""
+SAMPLE = 0.01
+"""[s] between samples, at which commands change too."""
+SETTLE_TIME = 0.1
+"""[s] to build up the squeeze, and as long again to come to rest."""
+RAMP_TIME = 0.05
+"""[s] for a load to grow."""
+HOLD_TIME = 0.1
+"""[s] under the whole load; creep is measured in its second half."""
+TIP_TRAVEL = 0.03
+"""Times L, ours: how far the squeeze would push a tip against its spring. So soft that an object
+which creeps within the bounds changes no force by more than a few percent."""
+CONTACT_STIFFNESS = 1000.0
+"""Times the spring's, ours: contact takes a thousandth of the spring's travel from its force."""
+STICTION_SPEED = 1e-4
+"""[L/s], ours: sticking contacts creep about this fast at 0.7 of their friction, and ten times as
+fast at 0.995: up to its limit, as Coulomb's, friction holds."""
+MAX_CREEP = 3e-3
+"""[L/s], ours: what creeps faster slides or rolls out of the grasp within seconds."""
+MAX_SLIP = 2e-3
+"""Times L, ours: what a load may add to the sideways motion of a contact on its tip."""
+FORCE_TOLERANCE = 0.05
+"""Ours: settled normal forces are within this of those planned, relative to their mean."""
+TIP_MASS = 1.0
+"""Times the object's, ours: fingers are no lighter than what they hold."""
+_OBJECT_COLOUR = np.array([0.6, 0.6, 0.6, 0.5])
+_TIP_COLOUR = np.array([0.9, 0.4, 0.1, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What happened, N samples: first the settling, then every load in turn."""
+
+    time: Array
+    """[s], shape (N,)."""
+    load: Ints
+    """Index of the load, -1 while settling, shape (N,)."""
+    slip_W: Array
+    """How far each contact has moved sideways on its tip since the load began [m], (N, 3, 3)."""
+    normal_force: Array
+    """Of tips on the object [N], shape (N, 3)."""
+    planned_force: Array
+    """The normal force that each tip was commanded [N], shape (N, 3)."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the worst load leaves of each bound, as a share of it; negative where exceeded."""
+
+    slip: float
+    creep: float
+    force: float
+    lost: int | None
+    """The first load (-1: the squeeze alone) under which a tip lost the object."""
+
+    @property
+    def margin(self) -> float:
+        """What is left of the tightest bound; -1 where it is exceeded twofold or a tip is lost."""
+        left = min(self.slip, self.creep, self.force)
+        return max(left, -1.0) if self.lost is None else -1.0
+
+
+def time_step(scene: Scene, squeeze: float) -> float:
+    """Returns the time step [s]: the longest that divides `SAMPLE` and that Drake's contact bears.
+
+    Args:
+        scene: object and fingertips.
+        squeeze: total normal force [N].
+    """
+    mass, L = scene.solid.M_BBo_B.get_mass(), scene.object_.polyhedron.diameter
+    longest = min(MAX_TIME_STEP, MAX_SPEED_STEP * mass * L / squeeze)
+    return SAMPLE / math.ceil(float(SAMPLE / longest) * (1 - 1e-9))
+
+
+def settings() -> dict[str, Any]:
+    """The parameters that all simulations share, for reports."""
+    return {
+        "contact_approximation": "lagged",
+        "settle_time": 2 * SETTLE_TIME,
+        "load_time": RAMP_TIME + HOLD_TIME,
+        "tip_mass_per_object_mass": TIP_MASS,
+        "tip_travel_per_diameter": TIP_TRAVEL,
+        "contact_stiffness_ratio": CONTACT_STIFFNESS,
+        "stiction_speed_per_diameter": STICTION_SPEED,
+        "max_creep_per_diameter": MAX_CREEP,
+        "max_slip_per_diameter": MAX_SLIP,
+        "force_tolerance": FORCE_TOLERANCE,
+    }
+
+
+def simulate(
+    scene: Scene, squeeze_f_B: Array, holding: Holding, meshcat: Meshcat | None = None
+) -> Trace:
+    """Squeeze an object, and load it.
+
+    The trace ends early where the object is lost beyond what Drake can compute.
+
+    Args:
+        scene: object and fingertips; its friction counts, whatever the forces were planned with.
+        squeeze_f_B: forces planned on B without a load [N], shape (3, 3); their normal parts are
+            commanded.
+        holding: the loads, and the forces planned against them.
+        meshcat: the caller's own, where a recording is published.
+    """
+    squeeze = normal_forces(scene.grasp, squeeze_f_B)
+    pushes = normal_forces(scene.grasp, holding.f_Bc_B)
+    return _Harness(scene, squeeze, meshcat).run(holding.wrench_B, pushes)
+
+
+def judge(trace: Trace, num_loads: int, diameter: float) -> Outcome:
+    """Hold a trace under `num_loads` loads against the bounds, for an object of `diameter` [m]."""
+    slip, creep, force = 0.0, 0.0, 0.0
+    half = round(HOLD_TIME / SAMPLE / 2)
+    for load in range(-1, num_loads):
+        rows = np.flatnonzero(trace.load == load)
+        held = rows[-half:] if load < 0 else rows
+        if not len(rows) or not (trace.normal_force[held] > 0).all():
+            return Outcome(1.0, 1.0, 1.0, load)
+        end, before = rows[-1], rows[-1 - half]
+        planned = trace.planned_force[end]
+        force = max(force, np.abs(trace.normal_force[end] - planned).max() / planned.mean())
+        if load >= 0:
+            slip = max(slip, _longest(trace.slip_W[rows]))
+            run = _longest(trace.slip_W[end] - trace.slip_W[before])
+            creep = max(creep, run / (half * SAMPLE))
+    return Outcome(
+        float(1.0 - slip / (MAX_SLIP * diameter)),
+        float(1.0 - creep / (MAX_CREEP * diameter)),
+        float(1.0 - force / FORCE_TOLERANCE),
+        None,
+    )
+
+
+def _longest(vectors: Array) -> float:
+    return float(np.linalg.norm(vectors, axis=-1).max())
+
+
+class _Harness:
+    """A diagram of object and hand, advanced sample by sample."""
+
+    def __init__(self, scene: Scene, squeeze: Array, meshcat: Meshcat | None) -> None:
+        self._scene, self._squeeze = scene, squeeze
+        self._stiffness = float(squeeze.sum()) / (TIP_TRAVEL * scene.object_.polyhedron.diameter)
+        builder = DiagramBuilder()
+        step = time_step(scene, float(squeeze.sum()))
+        self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
+        self._body, self._tips = self._add_bodies()
+        self._finish_plant()
+        self._visualizer = None
+        if meshcat is not None:
+            self._visualizer = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+        self._simulator = Simulator(builder.Build())
+        self._context = self._simulator.get_mutable_context()
+        self._plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
+        self._samples: list[tuple[float, int, Array, Array, Array]] = []
+
+    def _add_bodies(self) -> tuple[RigidBody, list[RigidBody]]:
+        plant, scene, stiffness = self._plant, self._scene, self._stiffness
+        # Two surfaces in series.
+        contact = 2.0 * CONTACT_STIFFNESS * stiffness
+        body = plant.AddRigidBody("object", scene.solid.M_BBo_B)
+        covers = [(shape, X_BG) for _, shape, X_BG in scene.solid.covers]
+        for k, (shape, X_BG) in enumerate((*scene.solid.parts, *covers)):
+            plant.RegisterVisualGeometry(body, X_BG, shape, f"surface_{k}", _OBJECT_COLOUR)
+        # Point contact would fill the notches of what is not convex.
+        on_pads = not scene.solid.is_hulls
+        if on_pads:
+            add_pads(plant, body, scene, contact)
+        else:
+            add_surface(plant, body, scene, contact)
+            add_covers(plant, body, scene, contact)
+        mass = scene.solid.M_BBo_B.get_mass()
+        gains = PdControllerGains(p=stiffness, d=2.0 * np.sqrt(stiffness * mass))
+        tips = []
+        for i, nhat_TB_B in enumerate(scene.grasp.nhat_TB_B):
+            M_TTo_T = SpatialInertia.SolidSphereWithMass(TIP_MASS * mass, scene.tip_radius)
+            tip = plant.AddRigidBody(f"tip_{i}", M_TTo_T)
+            joint = plant.AddJoint(
+                PrismaticJoint(f"tip_{i}", plant.world_frame(), tip.body_frame(), nhat_TB_B)
+            )
+            plant.AddJointActuator(f"tip_{i}", joint).set_controller_gains(gains)
+            add_tip(plant, tip, scene, i, on_pad=on_pads, stiffness=contact)
+            X_TS = RigidTransform(scene.p_BT[i])
+            shape = Sphere(scene.tip_radius)
+            plant.RegisterVisualGeometry(tip, X_TS, shape, f"tip_{i}", _TIP_COLOUR)
+            tips.append(tip)
+        return body, tips
+
+    def _finish_plant(self) -> None:
+        plant = self._plant
+        plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
+        plant.SetUseSampledOutputPorts(False)
+        # The hand bears itself; the object's weight is a load.
+        plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+        plant.Finalize()
+        plant.set_stiction_tolerance(STICTION_SPEED * self._scene.object_.polyhedron.diameter)
+
+    def run(self, wrench_B: Array, pushes: Array) -> Trace:
+        """Settle, then every load of wrench_B, shape (K, 6), against pushes [N], shape (K, 3)."""
+        if self._visualizer is not None:
+            self._visualizer.StartRecording()
+        try:
+            self._settle()
+            settled = self._context.get_discrete_state_vector().CopyToVector()
+            for load, (wrench, push) in enumerate(zip(wrench_B, pushes, strict=True)):
+                self._context.SetDiscreteState(settled)
+                self._hold(load, wrench, push)
+        except RuntimeError as error:  # What flies off ends in numbers that are not finite.
+            if "finite" not in str(error) or not self._samples:
+                raise
+        if self._visualizer is not None:
+            self._visualizer.StopRecording()
+            self._visualizer.PublishRecording()
+        time, load_index, slip_W, normal_force, planned = zip(*self._samples, strict=True)
+        return Trace(
+            frozen(time),
+            frozen(load_index, np.int64),
+            frozen(slip_W),
+            frozen(normal_force),
+            frozen(planned),
+        )
+
+    def _settle(self) -> None:
+        origin = self._sideways()
+        for k in range(round(2 * SETTLE_TIME / SAMPLE)):
+            share = min(1.0, (k + 1) * SAMPLE / SETTLE_TIME)
+            self._step(-1, np.zeros(6), share * self._squeeze, origin)
+
+    def _hold(self, load: int, wrench: Array, push: Array) -> None:
+        origin = self._sideways()
+        for k in range(round((RAMP_TIME + HOLD_TIME) / SAMPLE)):
+            share = min(1.0, (k + 1) * SAMPLE / RAMP_TIME)
+            command = self._squeeze + share * (push - self._squeeze)
+            self._step(load, share * wrench, command, origin)
+
+    def _step(self, load: int, wrench: Array, push: Array, origin: Array) -> None:
+        plant, context = self._plant, self._plant_context
+        force = ExternallyAppliedSpatialForce()
+        force.body_index = self._body.index()
+        force.p_BoBq_B = self._scene.object_.p_BBcm
+        force.F_Bq_W = SpatialForce(tau=wrench[3:], f=wrench[:3])
+        plant.get_applied_spatial_force_input_port().FixValue(context, Value([force]))
+        desired = np.append(push / self._stiffness, np.zeros(3))
+        instance = self._body.model_instance()
+        plant.get_desired_state_input_port(instance).FixValue(context, desired)
+        self._simulator.AdvanceTo(self._context.get_time() + SAMPLE)
+        sample = self._sideways() - origin, self._measured_forces(), push
+        self._samples.append((self._context.get_time(), load, *sample))
+
+    def _sideways(self) -> Array:
+        """Where the contacts fixed in B are now, across the normals along which tips slide [m]."""
+        X_WB = self._plant.EvalBodyPoseInWorld(self._plant_context, self._body)
+        p_WC, nhat = X_WB.multiply(self._scene.grasp.p_BC.T).T, self._scene.grasp.nhat_TB_B
+        return np.asarray(p_WC - np.einsum("ij,ij->i", p_WC, nhat)[:, None] * nhat)
+
+    def _measured_forces(self) -> Array:
+        """Normal forces of the tips on the object [N], shape (3,)."""
+        results = self._plant.get_contact_results_output_port().Eval(self._plant_context)
+        f_Bc_W = np.zeros((3, 3))
+        index = [tip.index() for tip in self._tips]
+        for k in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(k)
+            # Drake reports the force on body B of its pair.
+            if info.bodyA_index() in index:
+                f_Bc_W[index.index(info.bodyA_index())] += info.contact_force()
+            elif info.bodyB_index() in index:
+                f_Bc_W[index.index(info.bodyB_index())] -= info.contact_force()
+        return normal_forces(self._scene.grasp, f_Bc_W)

@@ -1,0 +1,181 @@
+"""Beyond the paper: the best triples of sample points, however many triples there are.
+
+For any directions w, a triple of points resists no more than min_w max_i h_i(w) (see
+face_support.py); set_cover.py finds the triples for which that is greatest. Some hundred
+directions spread over all wrenches tell good triples from bad ones; those that the best of them
+resist least, added in later passes, tell the best ones from each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.geometry.face_sets import first_of_each_set
+from drake_polygrasp.geometry.regions import Regions
+from drake_polygrasp.search.effort import FULL, Effort
+from drake_polygrasp.search.face_support import contacts_on, points_on
+from drake_polygrasp.search.set_cover import Singles, cover
+from drake_polygrasp.vectors import times, unit
+from drake_polygrasp.wrenches.contacts import force_closure
+from drake_polygrasp.wrenches.epsilon_bound import COARSE_TURNS, critical_directions
+from drake_polygrasp.wrenches.support import frame_wrenches
+
+MANY_POINTS = 160
+"""Ours: fewer have two passes at most, for the first of three would see too few."""
+SHELLS = (2, 4, 6)
+"""Squared lengths of directions, ours: 312, and 544 more, which are worth it with many points."""
+LEVEL = 1e-9
+"""Ours, times the greatest: what wrenches reach less far than this, they do not reach."""
+GUIDING_DIGITS = 9
+"""Decimals of directions, ours: they only guide the search, in single precision."""
+ENOUGH = 0.3
+"""Times what is kept, ours: triples that hold, before passes end."""
+MOST_PASSES = 5
+"""Ours, where fewer hold, as on scans and on flat objects that lie on a table."""
+
+
+@dataclass(frozen=True, eq=False)
+class Triples:
+    """Three contacts a row."""
+
+    region: Ints
+    """Shape (M, 3)."""
+    p_BC: Array
+    """[m], shape (M, 3, 3)."""
+
+    def take(self, rows: Ints | Bools | slice) -> Triples:
+        """The same for some of the rows."""
+        return Triples(self.region[rows], self.p_BC[rows])
+
+
+NO_TRIPLES = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
+
+
+def joined(first: Triples, second: Triples) -> Triples:
+    """All rows of both."""
+    return Triples(
+        np.concatenate([first.region, second.region]), np.concatenate([first.p_BC, second.p_BC])
+    )
+
+
+def best_triples(
+    regions: Regions,
+    points: tuple[Ints, Array],
+    p_BBcm: Array,
+    rho: float,
+    effort: Effort = FULL,
+) -> Triples:
+    """The triples of sample points that all directions met bound least.
+
+    Args:
+        regions: where contacts may be; polygons may be empty or have several parts.
+        points: where they are tried, as of `sample_points`.
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        effort: how long is searched.
+
+    Returns:
+        Triples that are force closure, at most as many as points or `effort.kept` from each pass,
+        those of the last one first.
+    """
+    region, p_FC = points
+    if len(region) < 3:
+        return NO_TRIPLES
+    p_BC = points_on(regions, region, p_FC)
+    cones = cones_at(regions, region, p_BC, p_BBcm, rho)
+    is_many = len(region) >= MANY_POINTS
+    strides = effort.strides if is_many else effort.strides[-2:]
+    w, found = spread_directions(cones, SHELLS if is_many else SHELLS[:-1]), NO_TRIPLES
+    for number in range(MOST_PASSES):
+        some = np.arange(0, len(region), strides[min(number, len(strides) - 1)])
+        rows = some[cover(cone_support(cones[some], w), max(effort.kept, len(some)))]
+        triples = Triples(region[rows], p_BC[rows])
+        holding = _holding(regions, triples)
+        holds = triples.take(holding)
+        found = joined(holds, found)
+        if number + 1 >= len(strides) and len(found.region) >= ENOUGH * effort.kept:
+            break
+        slips = triples.take(np.setdiff1d(np.arange(len(rows)), holding))
+        sources = joined(
+            _first_of_sets(holds, effort.sources), _first_of_sets(slips, effort.sources)
+        )
+        w = np.concatenate([w, weakest_directions(regions, sources, p_BBcm, rho)])
+    return found
+
+
+def spread_directions(cones: Array, shells: tuple[int, ...] = SHELLS) -> Array:
+    """Unit directions spread over all wrenches as those of the cones (N, 3, 6) are, shape (K, 6).
+
+    They are even where the cones' wrenches reach equally far in all directions. Where they do not,
+    as the torques about a rod's axis, there are more directions that they reach less far in: the
+    critical ones.
+    """
+    wrenches = cones.reshape(-1, 6)
+    square, axes = np.linalg.eigh(times(wrenches.T, wrenches))
+    reach = np.sqrt(np.maximum(square, LEVEL**2 * square[-1]))
+    # The symmetric root, which does not depend on which axes are chosen where several would do.
+    directions = unit(times(times(_even_directions(shells), axes / reach), axes.T))
+    # Eigenvectors come from LAPACK, whose last bits depend on the processor.
+    return np.asarray(np.round(directions, GUIDING_DIGITS))
+
+
+@cache
+def _even_directions(shells: tuple[int, ...]) -> Array:
+    """Vectors of the lattice D_6 of some squared lengths, shape (K, 6).
+
+    The shortest are farther from each other than as many drawn at random, and leave less between.
+    """
+    lattice = np.indices((5,) * 6).reshape(6, -1).T - 2
+    return frozen(lattice[np.isin((lattice**2).sum(axis=1), shells)])
+
+
+def cones_at(regions: Regions, region: Ints, p_BC: Array, p_BBcm: Array, rho: float) -> Array:
+    """`frame_wrenches` of points of regions: each the inward normal and two tangents mu long.
+
+    Args:
+        regions: where the contacts are.
+        region: the region of each, shape (N,).
+        p_BC: [m], shape (N, 3).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+
+    Returns:
+        Shape (N, 3, 6).
+    """
+    return frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
+
+
+def _frames(regions: Regions) -> Array:
+    """Inward normal and two tangents of each region as rows, shape (R, 3, 3)."""
+    x, y, z = np.moveaxis(regions.R_BF, 2, 0)
+    return np.stack([-z, x, y], axis=1)
+
+
+def cone_support(cones: Array, w: Array) -> Singles:
+    """h_i(w) of the contacts of cones (N, 3, 6) in directions (K, 6), shape (N, K).
+
+    In single precision, for it only guides the search and there is much of it.
+    """
+    rows, columns = cones.astype(np.float32), np.ascontiguousarray(w.T, dtype=np.float32)
+    n, t_1, t_2 = np.einsum("ncd,dk->cnk", rows, columns)
+    h: Singles = n + np.sqrt(t_1 * t_1 + t_2 * t_2)
+    return h
+
+
+def weakest_directions(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
+    """The unit w that each of M triples resists least, some each, shape (K, 6)."""
+    contacts = contacts_on(regions, triples.region, triples.p_BC)
+    w, _ = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS, rotations=True)
+    return w.reshape(-1, 6)
+
+
+def _holding(regions: Regions, triples: Triples) -> Ints:
+    return np.flatnonzero(force_closure(*contacts_on(regions, triples.region, triples.p_BC)))
+
+
+def _first_of_sets(triples: Triples, num: int) -> Triples:
+    return triples.take(first_of_each_set(triples.region)[:num])

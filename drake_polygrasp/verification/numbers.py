@@ -1,0 +1,176 @@
+"""Whether the numbers of a grasp bear out what its file claims of them; no model is needed.
+
+Faults are sentences: there are none where the claims are true. A claim is refused when it flatters
+the grasp, not when it is modest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.certification import exact
+from drake_polygrasp.certification.convex import find_internal_forces, friction_at
+from drake_polygrasp.certification.robustness import (
+    GRAVITY,
+    RELATIVE_GAP,
+    Interval,
+    epsilon_interval,
+    friction_tolerance,
+    placement_tolerance,
+    squeeze_interval,
+    tilt_tolerance,
+)
+from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
+from drake_polygrasp.grasp import Grasp, Quality
+from drake_polygrasp.wrenches.contacts import edge_forces
+
+FORCE_TOLERANCE = 1e-9
+"""Ours: of forces that add up to 1; printed doubles are good to 1e-15."""
+ROUNDING = 1e-9
+"""Ours, relative: what the order of additions changes in a closed form."""
+QHULL_ROUNDING = 1e-6
+"""Ours, relative: what the rounding of hulls changes in a bound."""
+GAPS = (RELATIVE_GAP, 1e-3, 1e-5)
+"""Ours: where the usual bounds do not bear a number out, closer ones may: which facets are refined
+differs between versions and, by rounding, between machines, and a claim may be nearly exact."""
+PLANE_TOLERANCE = 1e-5
+"""Ours, times rho: how far contacts may be off their grasp plane; faces are flat to 1e-6 L."""
+
+
+def force_faults(stated: StatedGrasp) -> Iterator[str]:
+    """Why the internal force is no proof of force closure, or not the one that is spelt out."""
+    grasp, x = stated.grasp, stated.certificate.internal_force
+    check = check_proof(grasp, x)
+    if not check.ok:
+        yield check.reason
+    f_Bc_B = edge_forces(grasp.p_BC[None], x[None])[0]
+    if not (np.abs(stated.f_Bc_B - f_Bc_B) <= FORCE_TOLERANCE).all():
+        yield "f_Bc_B is not what internal_force makes it"
+    if not abs((grasp.nhat_TB_B * f_Bc_B).sum() - 1) <= FORCE_TOLERANCE:
+        yield "the normal forces do not add up to 1"
+
+
+def check_proof(grasp: Grasp, x: Array) -> exact.Check:
+    """Check exactly that the internal force x [1/m], shape (3,), proves a grasp force closure."""
+    return exact.check_force_closure(*_contacts(grasp), x.tolist())
+
+
+def number_faults(stated: StatedGrasp, object_: StatedObject, clearance: float | None) -> list[str]:
+    """Which numbers flatter the grasp.
+
+    Args:
+        stated: a grasp that its internal force proves.
+        object_: whose mass, centre of mass and rho count.
+        clearance: least distance from a contact to an edge of its face [m], which bounds the
+            placement tolerance; None where no face is known.
+    """
+    faults: list[str] = []
+    for relative_gap in GAPS:
+        bounds = _bounds(stated, object_, relative_gap)
+        faults = list(_bound_faults(stated, object_, clearance, *bounds, QHULL_ROUNDING))
+        # What is off by more than the bounds are apart, closer ones do not mend.
+        lasting = _bound_faults(stated, object_, clearance, *bounds, 2 * relative_gap)
+        if not faults or any(lasting):
+            break
+    return [*_plain_faults(stated, object_), *faults]
+
+
+def _plain_faults(stated: StatedGrasp, object_: StatedObject) -> Iterator[str]:
+    """Faults that no bound decides."""
+    grasp, claim = stated.grasp, stated.certificate
+    if not max(grasp.faces) < object_.num_faces:
+        yield f"faces names face {max(grasp.faces)}, and there are {object_.num_faces} from 0"
+    if (grasp.kind == "two_faces") != (len(set(grasp.faces)) == 2):
+        yield f"kind is {grasp.kind}, which the contacts' faces {list(grasp.faces)} are not"
+    if not _holds_plane(stated, PLANE_TOLERANCE * object_.rho):
+        yield "the contacts are not in the grasp plane"
+    if claim.mu_min is not None and not _proves_mu_min(stated, claim.mu_min):
+        yield f"mu_min is {claim.mu_min:.6g}, which no internal force proves"
+    if claim.mu_min is None and claim.mu_min_internal_force is not None:
+        yield "mu_min_internal_force is there, but no mu_min that it would prove"
+    yield from _quality_faults(grasp.quality)
+    margin = exact.attained_margin(*_contacts(grasp), claim.internal_force.tolist())
+    yield from _excess("margin", claim.margin, margin, ROUNDING)
+
+
+def _bounds(
+    stated: StatedGrasp, object_: StatedObject, relative_gap: float
+) -> tuple[Interval, float]:
+    """epsilon, and the force [N] that the weight needs; infinite where that is not known."""
+    grasp, mass = stated.grasp, object_.mass
+    arguments = grasp.p_BC, grasp.nhat_TB_B, grasp.mu, object_.p_BBcm, object_.rho
+    epsilon = epsilon_interval(*arguments, relative_gap=relative_gap)
+    if mass is None or stated.certificate.squeeze_force is None:
+        return epsilon, math.inf
+    r_w = squeeze_interval(*arguments, relative_gap=relative_gap).lower
+    return epsilon, mass * GRAVITY / r_w if r_w > 0 else math.inf
+
+
+def _bound_faults(
+    stated: StatedGrasp,
+    object_: StatedObject,
+    clearance: float | None,
+    epsilon: Interval,
+    squeeze: float,
+    slack: float,
+) -> Iterator[str]:
+    """What flatters the grasp against bounds, by more than `slack`, relative."""
+    claim, lower = stated.certificate, epsilon.lower
+    p_BC, mu, p_BBcm, rho = stated.grasp.p_BC, stated.grasp.mu, object_.p_BBcm, object_.rho
+    yield from _excess("epsilon_lower", claim.epsilon_lower, lower, slack)
+    # Wherever it was computed, an upper bound is within RELATIVE_GAP of epsilon.
+    within = max(1.01 * RELATIVE_GAP, slack)
+    yield from _excess("epsilon_upper", claim.epsilon_upper, epsilon.upper, within)
+    yield from _lack("epsilon_upper", claim.epsilon_upper, lower, slack)
+    placement = placement_tolerance(lower, mu, rho, clearance)
+    yield from _excess("placement_tolerance", claim.placement_tolerance, placement, slack)
+    tilt = tilt_tolerance(lower, p_BC, mu, p_BBcm, rho)
+    yield from _excess("tilt_tolerance", claim.tilt_tolerance, tilt, slack)
+    friction = friction_tolerance(lower, p_BC, mu, p_BBcm, rho)
+    yield from _excess("friction_tolerance", claim.friction_tolerance, friction, slack)
+    yield from _lack("squeeze_force", claim.squeeze_force, squeeze, slack)
+
+
+def _excess(name: str, value: float | None, limit: float, rounding: float) -> Iterator[str]:
+    if value is not None and not value <= limit * (1 + rounding):
+        yield f"{name} is {value:.6g}, more than the {limit:.6g} recomputed"
+
+
+def _lack(name: str, value: float | None, limit: float, rounding: float) -> Iterator[str]:
+    if value is not None and not value >= limit * (1 - rounding):
+        yield f"{name} is {value:.6g}, less than the {limit:.6g} recomputed"
+
+
+def _contacts(grasp: Grasp) -> tuple[list[list[float]], list[list[float]], list[float]]:
+    return grasp.p_BC.tolist(), grasp.nhat_TB_B.tolist(), grasp.mu.tolist()
+
+
+def _holds_plane(stated: StatedGrasp, tolerance: float) -> bool:
+    """Whether the contacts lie in the grasp plane."""
+    plane = stated.grasp.grasp_plane
+    height = (stated.grasp.p_BC - plane.p_BP) @ plane.nhat_B
+    unit = abs(plane.nhat_B @ plane.nhat_B - 1) <= ROUNDING
+    return bool(unit and (np.abs(height) <= tolerance).all())
+
+
+def _proves_mu_min(stated: StatedGrasp, mu_min: float) -> bool:
+    """Whether the witness, the file's or else one of our own, holds with so little friction."""
+    grasp, witness = stated.grasp, stated.certificate.mu_min_internal_force
+    mu = friction_at(grasp.mu, mu_min)
+    if witness is None:
+        witness = find_internal_forces(grasp.p_BC[None], grasp.nhat_TB_B[None], mu[None])[0]
+    return check_proof(replace(grasp, mu=mu), witness).ok
+
+
+def _quality_faults(quality: Quality | None) -> Iterator[str]:
+    """What can be said of the paper's Q without its planner (eq. 5)."""
+    if quality is None:
+        return
+    if not all(0 <= q <= 1 + ROUNDING for q in quality.q):
+        yield f"quality q is {list(quality.q)}, and each is from 0 to 1"
+    yield from _excess("quality Q", quality.Q, math.prod(quality.q), ROUNDING)

@@ -1,0 +1,43 @@
+"""Copies a grasp file with what a plant says of its grasps."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from drake_polygrasp.errors import UsageError
+from drake_polygrasp.files.grasp_file import write_document
+from drake_polygrasp.files.plain_yaml import read_mapping
+from drake_polygrasp.files.plant_block import plant_document
+from drake_polygrasp.grasp import PlantRecord
+from drake_polygrasp.loading.packages import is_uri
+
+
+def save_plant_results(
+    file: Path | str, output: Path | str, reports: Sequence[PlantRecord | None]
+) -> None:
+    """Writes a copy of a grasp file with what a plant says of its grasps.
+
+    Args:
+        file: the grasp file, which is not changed.
+        output: the copy.
+        reports: one for each grasp; None leaves it as it was.
+
+    Raises:
+        GraspFileError: when the file cannot be read, or the copy not written.
+        UsageError: when the copy would be the file.
+    """
+    file, output = Path(file), Path(output)
+    if output.exists() and output.samefile(file):
+        raise UsageError(f"{output}: is the file to verify, which is not changed; name another")
+    document = read_mapping(file).data
+    for grasp, report in zip(document["grasps"], reports, strict=True):
+        if report is not None:
+            grasp["plant"] = plant_document(report)
+    model_file = document["object"]["model_file"]
+    if not is_uri(model_file):
+        # It is relative to the folder of the file that names it.
+        moved = os.path.relpath(file.parent.resolve() / model_file, output.parent.resolve())
+        document["object"]["model_file"] = Path(moved).as_posix()
+    write_document(output, document)

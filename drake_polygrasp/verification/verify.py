@@ -1,0 +1,271 @@
+"""Verifies a grasp file without the planner: what is in it is proved, recomputed or not checked.
+
+FORCES needs the file's numbers alone: the internal force proves force closure in exact
+arithmetic. SURFACE needs the model: it is the one that was planned on, and each contact lies on
+its exposed surface, along its normal, with no more friction than it has. NUMBERS recomputes what
+the file says of the grasp's quality; a number that flatters the grasp is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drake_polygrasp.arguments import check_callback, check_flag, check_path, check_paths
+from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.files.grasp_file import load_grasps
+from drake_polygrasp.files.plan_block import exclusion_of
+from drake_polygrasp.files.stated_grasp import GraspFile, StatedGrasp, StatedObject
+from drake_polygrasp.geometry.exclusion import Exclusion
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
+from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.loading.model_source import model_digest
+from drake_polygrasp.loading.object_model import load_object
+from drake_polygrasp.loading.packages import find_packages, resolve
+from drake_polygrasp.progress import Progress, no_progress
+from drake_polygrasp.verification.numbers import ROUNDING, check_proof, force_faults, number_faults
+
+if TYPE_CHECKING:
+    from drake_polygrasp.loading.surroundings import Surroundings
+from drake_polygrasp.verification.report import GraspReport, Line, Report, Status
+
+
+@dataclass(frozen=True)
+class _Model:
+    """The model a file names, or why SURFACE cannot be checked against it."""
+
+    object_: GraspObject | None
+    line: Line
+    warnings: tuple[str, ...] = ()
+
+
+def verify_file(
+    path: Path | str,
+    package_paths: Sequence[Path | str] = (),
+    packages: Mapping[str, str | Path] | None = None,
+    *,
+    plant: bool = False,
+    scene: Path | str | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Checks everything a grasp file claims.
+
+    Args:
+        path: the grasp file, which is not changed.
+        package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
+        plant: whether to have each grasp that is borne out hold the model in a MultibodyPlant,
+            as `certify_in_plant` does.
+        scene: with `plant`: model directives that hold the object and other bodies, which no
+            fingertip may penetrate at their default poses; see `load_surroundings`.
+        progress: called with how many grasps are checked, and how many there are.
+
+    Raises:
+        UsageError: when an argument is not what it may be.
+        GraspFileError: when the file cannot be read or breaks the format.
+        ModelError: when one of `package_paths` or `packages` is no folder, or the scene cannot be
+            loaded or does not hold the object.
+    """
+    package_paths = check_paths("package_paths", package_paths)
+    plant = check_flag("plant", plant)
+    check_callback("progress", progress)
+    if scene is not None:
+        check_path("scene", scene)
+    if scene is not None and not plant:
+        raise UsageError("a scene is for the plant that grasps are checked in: add plant=True")
+    file = load_grasps(path)
+    model, avoided = _find_model(file, package_paths, packages), exclusion_of(file.plan)
+    tell = progress or no_progress
+    # A file may state numbers of any size; every comparison below fails on what overflows.
+    with np.errstate(all="ignore"):
+        grasps: list[GraspReport] = []
+        for stated in file.grasps:
+            tell(len(grasps), len(file.grasps))
+            grasps.append(_verify_grasp(stated, file.object_, model, avoided))
+    if plant and model.object_ is not None:
+        around = _surroundings(scene, model.object_, file, package_paths, packages)
+        for i, stated in enumerate(file.grasps):
+            tell(i, len(file.grasps))
+            grasps[i] = _with_plant(
+                grasps[i], stated, model.object_, package_paths, packages, around
+            )
+    return Report(
+        file.path, tuple(grasps), model.line.status is not Status.NOT_CHECKED, model.warnings
+    )
+
+
+def _verify_grasp(
+    stated: StatedGrasp, object_: StatedObject, model: _Model, avoided: Exclusion
+) -> GraspReport:
+    surface, clearance = model.line, None
+    if model.object_ is not None:
+        surface, clearance = _check_surface(stated, model.object_, avoided)
+    forces = _line(Status.PROVED, force_faults(stated))
+    numbers = (
+        Line(Status.NOT_CHECKED, "the grasp is not proved")
+        if forces.status is Status.FAILED
+        else _check_numbers(stated, object_, clearance)
+    )
+    return GraspReport(forces, surface, numbers, stated_plant=stated.plant)
+
+
+def _surroundings(
+    scene: Path | str | None,
+    object_: GraspObject,
+    file: GraspFile,
+    package_paths: Sequence[Path | str],
+    packages: Mapping[str, str | Path] | None,
+) -> Surroundings | None:
+    if scene is None:
+        return None
+    from drake_polygrasp.loading.surroundings import load_surroundings
+
+    mu = file.plan.get("mu")
+    return load_surroundings(scene, object_, mu=mu, package_paths=package_paths, packages=packages)
+
+
+def _with_plant(
+    report: GraspReport,
+    stated: StatedGrasp,
+    object_: GraspObject,
+    package_paths: Sequence[Path | str],
+    packages: Mapping[str, str | Path] | None,
+    surroundings: Surroundings | None,
+) -> GraspReport:
+    """The report with what a plant says of the grasp, if its lines all hold."""
+    # Simulation is loaded by those who ask for it.
+    from drake_polygrasp.plant.certify_in_plant import certify_in_plant
+
+    if any(line.status is Status.FAILED for line in report.lines.values()):
+        return report
+    said = certify_in_plant(
+        object_,
+        stated,
+        tip_radius=stated.tip_radius or 0.0,
+        package_paths=package_paths,
+        packages=packages,
+        surroundings=surroundings,
+    )
+    return replace(report, plant=said)
+
+
+def _line(passed: Status, faults: Iterable[str]) -> Line:
+    """FAILED with the first fault, if there is one."""
+    fault = next(iter(faults), None)
+    return Line(passed) if fault is None else Line(Status.FAILED, fault)
+
+
+def _find_model(
+    file: GraspFile,
+    package_paths: Sequence[Path | str],
+    packages: Mapping[str, str | Path] | None,
+) -> _Model:
+    """The model a file names: missing, changed, not what the file says of it, or as it was."""
+    stated, mu = file.object_, file.plan.get("mu")
+    name = stated.model_file
+    package_map = find_packages(file.path, package_paths, packages)
+    try:
+        model_file = resolve(name, file.path.parent, package_map)
+    except ModelError as error:
+        return _missing(str(error))
+    try:
+        found = model_file.is_file()
+    except OSError:  # a name too long for any file
+        found = False
+    if not found:
+        return _missing(f"{model_file}: there is no such model file")
+    try:
+        if model_digest(model_file, package_paths, packages) != stated.sha256:
+            return _Model(None, Line(Status.FAILED, f"{name} has changed since: sha256 differs"))
+        object_ = load_object(
+            model_file,
+            body_name=f"{stated.model_name}::{stated.body_name}",
+            mu=mu,
+            package_paths=package_paths,
+            packages=packages,
+            patch_angle=stated.patch_angle,
+            patch_depth=stated.patch_depth,
+            joints_free=stated.joints_free,
+            scale=stated.scale,
+        )
+    except ModelError as error:
+        return _Model(None, Line(Status.FAILED, str(error)))
+    line = _line(Status.RECOMPUTED, _object_faults(stated, object_))
+    if line.status is Status.FAILED:
+        return _Model(None, line)
+    asked = (
+        () if mu is None else (f"friction {mu} was asked for in the plan, not read from {name}",)
+    )
+    return _Model(object_, line, (*object_.warnings, *asked))
+
+
+def _missing(reason: str) -> _Model:
+    return _Model(None, Line(Status.NOT_CHECKED, reason), (f"SURFACE is not checked: {reason}",))
+
+
+def _object_faults(stated: StatedObject, object_: GraspObject) -> Iterator[str]:
+    """Where the file's object differs from the model's."""
+    num_faces = len(object_.polyhedron.faces)
+    if stated.num_faces != num_faces:
+        yield f"num_faces is {stated.num_faces}, the model has {num_faces}"
+    source = object_.source
+    links = [] if source is None else list(source.links or [source.body_name])
+    if stated.links is not None and sorted(stated.links) != sorted(links):
+        yield f"links are {list(stated.links)}, the model's are {links}"
+    if not _close(stated.mass, object_.mass):
+        yield f"mass is {stated.mass}, the model's is {object_.mass}"
+    if not _close(stated.rho, object_.rho):
+        yield f"rho is {stated.rho}, the model's is {object_.rho}"
+    if not (np.abs(stated.p_BBcm - object_.p_BBcm) <= ROUNDING * object_.rho).all():
+        yield f"p_BBcm is {stated.p_BBcm.tolist()}, the model's is {object_.p_BBcm.tolist()}"
+
+
+def _close(stated: float | None, true: float | None) -> bool:
+    if stated is None or true is None:
+        return stated is true
+    return abs(stated - true) <= ROUNDING * abs(true)
+
+
+def _check_surface(
+    stated: StatedGrasp, object_: GraspObject, avoided: Exclusion
+) -> tuple[Line, float | None]:
+    """The line, and the least distance from a contact to an edge of its face [m]."""
+    grasp, polyhedron = stated.grasp, object_.polyhedron
+    touched = touch(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
+    line = _line(Status.RECOMPUTED, _surface_faults(stated, polyhedron, touched, avoided))
+    if line.status is Status.FAILED:
+        return line, None
+    return line, float(edge_distance(polyhedron, grasp.p_BC, touched.face).min())
+
+
+def _surface_faults(
+    stated: StatedGrasp, polyhedron: Polyhedron, touched: Touch, avoided: Exclusion
+) -> Iterator[str]:
+    """Where the surface has other contacts than the file, or ones that its plan avoids."""
+    grasp, x = stated.grasp, stated.certificate.internal_force
+    mu = grasp.mu.copy()
+    for i, k in enumerate(touched.face):
+        if k < 0:
+            yield f"contact {i + 1} is not on the exposed surface, or not along its normal"
+        mu[i] = min(mu[i], polyhedron.faces[k].mu)
+        if not grasp.mu[i] <= mu[i] * (1 + ROUNDING):
+            yield f"contact {i + 1} claims friction {grasp.mu[i]:.6g}, its face has {mu[i]:.6g}"
+    for i, is_avoided in enumerate(avoided.avoids(grasp.nhat_TB_B, touched.face)):
+        if is_avoided:
+            yield f"contact {i + 1} is where the plan says that no finger may be"
+    # On the boundary of closure the tolerances above would let pass what does not hold.
+    true = replace(grasp, p_BC=touched.p_BC, nhat_TB_B=touched.nhat_TB_B, mu=mu)
+    if check_proof(grasp, x).ok and not (check := check_proof(true, x)).ok:
+        yield f"with the surface's own points and normals, {check.reason}"
+
+
+def _check_numbers(stated: StatedGrasp, object_: StatedObject, clearance: float | None) -> Line:
+    line = _line(Status.RECOMPUTED, number_faults(stated, object_, clearance))
+    if line.status is Status.RECOMPUTED and clearance is None:
+        return Line(line.status, "placement_tolerance is not held against the faces' edges")
+    return line
