@@ -10,6 +10,7 @@ import io
 import json
 import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: all that was asked for holds; something does not, or nothing was found; the input or
 the usage is wrong; stopped from the keyboard."""
+
+
+_FOLDERS = re.compile(r"^(?:[^:]*/)?(?=[^/:]+:(?:\d+[^:]*:)? )")
+"""Of the path that a message begins with."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -70,8 +75,9 @@ def _complain(message: str, code: int) -> int:
 
 
 def _warn(warnings: Iterable[str]) -> None:
+    """Prints each in a line, with the name of the file it is about but not its folders."""
     for warning in warnings:
-        _say(f"warning: {warning}")
+        _say(f"warning: {_FOLDERS.sub('', warning)}")
 
 
 def _say(message: str) -> None:

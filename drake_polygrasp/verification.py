@@ -18,7 +18,7 @@ import numpy as np
 
 from drake_polygrasp.arguments import check_callback, check_flag, check_path, check_paths
 from drake_polygrasp.claims import ROUNDING, check_proof, force_faults, number_faults
-from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.errors import MissingPackageError, ModelError, UsageError
 from drake_polygrasp.geometry.exclusion import Exclusion
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
@@ -266,6 +266,8 @@ def _find_model(
             joints_free=stated.joints_free,
             scale=stated.scale,
         )
+    except MissingPackageError as error:
+        return _missing(str(error))
     except ModelError as error:
         return _Model(None, Line(Status.FAILED, str(error)))
     line = _line(Status.RECOMPUTED, _object_faults(stated, object_))
