@@ -9,6 +9,10 @@ class ModelError(PolygraspError):
     """A model, or a mesh it names, cannot be loaded or is no object to grasp."""
 
 
+class MissingPackageError(ModelError):
+    """A model names a package whose folder is unknown, or which is not on this machine."""
+
+
 class GraspFileError(PolygraspError):
     """A grasp file cannot be read, or breaks the format."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
@@ -12,6 +13,8 @@ from typing import Any
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: all that was asked for holds; something does not, or nothing was found; the input or
 the usage is wrong; stopped from the keyboard."""
+_FOLDERS = re.compile(r"^(?:[^:]*/)?(?=[^/:]+:(?:\d+[^:]*:)? )")
+"""Of the path that a message begins with."""
 
 
 def print_result(code: int, text: str) -> int:
@@ -34,9 +37,9 @@ def complain(message: str, code: int) -> int:
 
 
 def warn(warnings: Iterable[str]) -> None:
-    """Says each warning in a line."""
+    """Prints each in a line, with the name of the file it is about but not its folders."""
     for warning in warnings:
-        say(f"warning: {warning}")
+        say(f"warning: {_FOLDERS.sub('', warning)}")
 
 
 def say(message: str) -> None:

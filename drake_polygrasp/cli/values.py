@@ -19,14 +19,14 @@ def read_package(text: str) -> tuple[str, str]:
     return name, folder
 
 
-def read_number(text: str, most: float) -> float:
-    """Returns a number from 0 to `most`."""
+def read_number(text: str, most: float, least: float = 0.0) -> float:
+    """Returns a number from `least` to `most`."""
     try:
         number = float(text)
     except ValueError:
         number = math.nan
-    if not 0 <= number <= most:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 to {most:g}")
+    if not least <= number <= most:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from {least:g} to {most:g}")
     return number
 
 
@@ -40,10 +40,7 @@ def read_friction(text: str) -> float:
 
 def read_scale(text: str) -> float:
     """Returns a factor above 0."""
-    scale = read_number(text, MAX_SCALE)
-    if scale < 1 / MAX_SCALE:
-        raise argparse.ArgumentTypeError(f"{text!r} is below {1 / MAX_SCALE:g}")
-    return scale
+    return read_number(text, MAX_SCALE, least=1 / MAX_SCALE)
 
 
 def read_length(text: str) -> float:

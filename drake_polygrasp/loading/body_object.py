@@ -75,12 +75,12 @@ def describe_group(
     names = group.names_on_joints()
     if names:
         done = (
-            "ignored, as asked for"
+            "are ignored, as asked for"
             if joints_free
-            else "kept where they are, as covers and obstacles, and their mass is not counted "
-            "(joints_free=True or --joints-free ignores them)"
+            else "stay where they are: they cover faces and block fingertips, and their mass is "
+            "not counted; --joints-free (joints_free=True) ignores them"
         )
-        yield f"{where}: links on its joints are {done}: {listed(names)}"
+        yield f"{where}: links on its joints, {listed(names)}, {done}"
 
 
 def listed(names: Sequence[str]) -> str:

@@ -47,8 +47,10 @@ def gltf_positions(content: bytes, folder: Path, max_bytes: int) -> Array:
             _positions(_item(root, "accessors", p["attributes"]["POSITION"]), root, buffers)
             for p in primitives
         ]
-    except (KeyError, TypeError, AttributeError, IndexError) as error:
-        raise ValueError(f"it is no valid glTF: {type(error).__name__} {error}") from None
+    except KeyError as error:
+        raise ValueError(f"it is no valid glTF: {error} is missing") from None
+    except (TypeError, AttributeError, IndexError):
+        raise ValueError("it is no valid glTF: a value has the wrong type or length") from None
     except json.JSONDecodeError as error:
         raise ValueError(f"it is no glTF: {error}") from None
     return np.concatenate([np.empty((0, 3)), *positions])

@@ -124,7 +124,10 @@ class _Reader:
             The document's path.
         """
         if path.is_dir():
-            path = path / _newest(read_xml(path / "model.config", "model"))
+            config = path / "model.config"
+            if not config.exists():
+                raise ModelError(f"{path}: is a folder without a model.config; name a model in it")
+            path = path / _newest(read_xml(config, "model"))
         if path.resolve() in including:
             raise ModelError(f"{path}: includes itself; break the circle")
         if path.exists() and not path.name.lower().endswith(SUFFIXES):
@@ -146,10 +149,15 @@ class _Reader:
         if suffix == ".yaml":
             files.additions[path] = read_directives(path)
             for added in files.additions[path]:
-                target = resolve(added.uri, path.parent, self.package_map)
+                target = self._resolve(added.uri, path, path.parent)
                 files.includes[path, added.uri] = self.read(target, including, None)
             return
-        root = read_xml(path, _ROOTS.get(suffix))
+        root = read_xml(path, _ROOTS[suffix])
+        if root.tag != _ROOTS[suffix]:
+            raise ModelError(
+                f"{path}: its first element is <{root.tag}>, and Drake reads <{_ROOTS[suffix]}> of "
+                f"a {suffix} file; rename the file, or convert it"
+            )
         check_names(root, path)
         files.documents[path] = root
         if root.tag == "mujoco":
@@ -175,7 +183,7 @@ class _Reader:
 
     def _included(self, uri: str, path: Path) -> Path:
         """The path of a document that an SDF document includes."""
-        target = resolve(uri, path.parent, self.package_map)
+        target = self._resolve(uri, path, path.parent)
         if is_uri(uri) or target == Path(uri):
             return target
         beside, here = target.exists(), Path(uri).exists()
@@ -196,7 +204,14 @@ class _Reader:
     def _add_mesh(self, uri: str | None, path: Path, folder: Path) -> None:
         if uri is None or not uri.strip():
             raise ModelError(f"{path}: a collision mesh names no file; name one")
-        self.files.meshes[resolve(uri, folder, self.package_map)] = None
+        self.files.meshes[self._resolve(uri, path, folder)] = None
+
+    def _resolve(self, uri: str, path: Path, folder: Path) -> Path:
+        """The path that a URI in the document at `path` means, which errors name."""
+        try:
+            return resolve(uri, folder, self.package_map)
+        except ModelError as error:
+            raise type(error)(f"{path}: {error}") from error
 
     def _read_mjcf(self, root: Element, folder: Path, including: tuple[Path, ...]) -> None:
         """As Drake does: what is included is in the model itself, and the last compiler rules."""

@@ -203,8 +203,8 @@ def _friction(
     """The coefficient of each collider, and what was assumed of it."""
     friction: list[float] = []
     warnings: list[str] = []
+    assumed: dict[str, dict[str, None]] = {}
     for link, _, colliders, statements in links:
-        it = where if len(links) == 1 else f"{where}: link '{link}'"
         places = " or ".join(statements.unread)
         reason = f", for Drake reads no friction from {places}" if places else ""
         for geometry, _, _ in colliders:
@@ -212,9 +212,13 @@ def _friction(
             # Drake's default; only the file can tell whether it was meant.
             if pair is None or (pair == (1, 1) and not statements.friction[geometry]):
                 friction.append(DEFAULT_MU)
-                warnings.append(f"{it} states no friction; {DEFAULT_MU} is assumed{reason}")
+                assumed.setdefault(reason, {})[link] = None
             else:
                 mu, said = lesser_friction(*pair, inspector.GetName(geometry), where)
                 friction.append(mu)
                 warnings += said
+    for reason, names in assumed.items():
+        it = ": link" if len(names) == 1 else ": each of the links"
+        it = "" if len(links) == 1 else f"{it} {listed(list(names))}"
+        warnings.append(f"{where}{it} states no friction; {DEFAULT_MU} is assumed{reason}")
     return friction, warnings

@@ -18,7 +18,7 @@ from pathlib import Path
 from pydrake.multibody.parsing import PackageMap, Parser
 
 from drake_polygrasp.arguments import check_packages
-from drake_polygrasp.errors import ModelError
+from drake_polygrasp.errors import MissingPackageError, ModelError
 from drake_polygrasp.loading.model_document import read_xml
 
 _URI = re.compile(r"(?s)([a-z0-9+.-]+)://([^/]*)(/*)(.*)")
@@ -44,7 +44,8 @@ def locate(model_file: str | Path, package_map: PackageMap) -> Path:
 def resolve(uri: str, folder: Path, package_map: PackageMap) -> Path:
     """Returns the path of a URI, or of a path relative to `folder`.
 
-    Raises ModelError when its package is unknown, or not on this machine.
+    Raises MissingPackageError when its package is unknown, or not on this machine; ModelError when
+    Drake reads no such URI.
     """
     uri = uri.strip()
     match = _URI.match(uri)
@@ -58,12 +59,12 @@ def resolve(uri: str, folder: Path, package_map: PackageMap) -> Path:
     if scheme == "file":
         return Path("/", inner)
     if not package_map.Contains(name):
-        raise ModelError(f"{uri}: package '{name}' is unknown; {_remedy(name)}")
+        raise MissingPackageError(f"{uri}: package '{name}' is unknown; {_remedy(name)}")
     try:
         with without_network():
             return Path(package_map.GetPath(name)) / inner
     except RuntimeError:
-        raise ModelError(f"{uri}: {_remote(name)}") from None
+        raise MissingPackageError(f"{uri}: {_remote(name)}") from None
 
 
 def find_packages(

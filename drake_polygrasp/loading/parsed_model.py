@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -31,6 +32,9 @@ from drake_polygrasp.loading.rigid_group import RigidGroup, find_group, rigid_bo
 
 _DENSITY = 1000.0
 """[kg/m^3], the Parser's own for an OBJ file."""
+_PLACE = re.compile(r"(.*?):(\d+): (?:(?:warning|error): )*(.*)", re.DOTALL | re.IGNORECASE)
+_LABEL = re.compile(r"^(?:(?:warning|error): )*", re.IGNORECASE)
+"""What Drake puts before its words on a file."""
 MAX_REASON = 400
 """Of Drake's words on a file, ours: it may quote the whole file."""
 
@@ -80,8 +84,23 @@ def blaming(where: Path | str) -> Iterator[None]:
     except (PolygraspError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
-        reason = missing_package(str(error)) or shorten(str(error), MAX_REASON)
+        reason = missing_package(str(error)) or shorten(_reason(str(error), where), MAX_REASON)
         raise ModelError(f"{where}: Drake cannot load it: {reason}") from error
+
+
+def _parts(words: str) -> tuple[str, str, str]:
+    """The file, its line, and the words without their label."""
+    place = _PLACE.match(words.strip())
+    return (place[1], place[2], place[3]) if place else ("", "", _LABEL.sub("", words.strip()))
+
+
+def _reason(words: str, where: Path | str) -> str:
+    """Drake's words on a file, without its name and their own label."""
+    file, line, words = _parts(words)
+    if not file:
+        return words
+    same = Path(file) == Path(where).absolute()
+    return f"line {line}: {words}" if same else f"{file}:{line}: {words}"
 
 
 @contextmanager
@@ -93,14 +112,30 @@ def _drake_warnings() -> Iterator[list[str]]:
             messages.append(shorten(record.getMessage(), MAX_REASON))
 
     messages: list[str] = []
+    said: list[str] = []
     logger, collector = logging.getLogger("drake"), Collector(logging.WARNING)
     propagate, logger.propagate = logger.propagate, False
     logger.addHandler(collector)
     try:
-        yield messages
+        yield said
     finally:
         logger.removeHandler(collector)
         logger.propagate = propagate
+        said += _collected(messages)
+
+
+def _collected(messages: Sequence[str]) -> list[str]:
+    """Drake's warnings, those that differ only in the line of the file together."""
+    lines: dict[tuple[str, str], list[str]] = {}
+    for message in messages:
+        file, line, words = _parts(message)
+        lines.setdefault((file, words), []).append(line)
+    said = []
+    for (file, words), numbers in lines.items():
+        numbers = list(dict.fromkeys(numbers))
+        more = f" (and {len(numbers) - 1} more)" if len(numbers) > 1 else ""
+        said.append(f"{file}:{numbers[0]}{more}: {words}" if file else words)
+    return said
 
 
 def _parse(

@@ -43,7 +43,12 @@ def doubts_of_units(diameter: float, where: str) -> list[str]:
     """Returns what to say of a body of that diameter [m]; nothing of one that fingers may hold."""
     if _LEAST <= diameter <= _MOST:
         return []
+    where_it_is_stated = "state the scale of its meshes, or for an .obj model give --scale"
     return [
-        f"{where} is {diameter:.3g} m across; Drake takes lengths for metres: if they are none, "
-        "state a scale for its meshes (0.001 for millimetres), or --scale 0.001 for an .obj model"
+        f"{where} is {diameter:.3g} m across, for Drake reads lengths as metres; if the file means "
+        + (
+            f"another unit or is scaled twice, {where_it_is_stated}"
+            if diameter < _LEAST
+            else f"millimetres, {where_it_is_stated} 0.001"
+        )
     ]

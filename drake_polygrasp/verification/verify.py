@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drake_polygrasp.arguments import check_callback, check_flag, check_path, check_paths
-from drake_polygrasp.errors import ModelError, UsageError
+from drake_polygrasp.errors import MissingPackageError, ModelError, UsageError
 from drake_polygrasp.files.grasp_file import load_grasps
 from drake_polygrasp.files.plan_block import exclusion_of
 from drake_polygrasp.files.stated_grasp import GraspFile, StatedGrasp, StatedObject
@@ -193,6 +193,8 @@ def _find_model(
             joints_free=stated.joints_free,
             scale=stated.scale,
         )
+    except MissingPackageError as error:
+        return _missing(str(error))
     except ModelError as error:
         return _Model(None, Line(Status.FAILED, str(error)))
     line = _line(Status.RECOMPUTED, _object_faults(stated, object_))

@@ -35,7 +35,8 @@ def test_a_body_of_unlikely_size_gets_one_line_about_units(
     warnings = load_object(hexagon(tmp_path, scale)).warnings
     doubts = [warning for warning in warnings if "across" in warning]
     assert len(doubts) == bool(said)
-    assert all(f"is {said} across" in w and "--scale 0.001" in w for w in doubts)
+    assert all(f"is {said} across" in w and "--scale" in w for w in doubts)
+    assert all(("millimetres" in w) == (scale > 1) for w in doubts)
 
 
 def test_millimetres_scaled_are_metres(tmp_path: Path) -> None:
