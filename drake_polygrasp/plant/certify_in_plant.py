@@ -145,13 +145,13 @@ def certify_in_plant(
         return PlantReport((*mathematics, geometry, *rest), settings)
     squeeze = plan.holding.squeeze
     equilibria = ask_drake(lambda: statics.find_equilibria(scene, plan.weight))
-    trace = ask_drake(lambda: simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat))
+    trace = _simulated(scene, plan, meshcat)
     held = _statics(plan, equilibria), _simulation(scene, plan, trace)
     return PlantReport(
         (*mathematics, geometry, *held),
         settings | {"squeeze": squeeze, "time_step": simulation.time_step(scene, squeeze)},
         () if isinstance(equilibria, Refusal) else equilibria,
-        None if isinstance(trace, Refusal) else trace,
+        trace if isinstance(trace, simulation.Trace) else None,
         plan.labels,
     )
 
@@ -209,7 +209,7 @@ def _geometry(scene: Scene, surroundings: Surroundings) -> PlantVerdict:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """Why no loads can be planned."""
+    """Why no loads can be planned, or those planned are not simulated."""
 
     verdict: Verdict
     reason: str
@@ -277,6 +277,21 @@ def _has_inertia(solid: Solid) -> bool:
     return bool(min(central.CalcPrincipalMomentsOfInertia()) > 0)
 
 
+def _simulated(
+    scene: Scene, plan: LoadPlan, meshcat: Meshcat | None
+) -> simulation.Trace | Refusal | Obstacle:
+    """What happens under the loads, or why that is not simulated."""
+    squeeze = plan.holding.squeeze
+    step = simulation.time_step(scene, squeeze)
+    if step < simulation.MIN_TIME_STEP:
+        return Obstacle(
+            Verdict.UNDECIDED,
+            f"not run: to simulate a squeeze of {squeeze:.2g} N on this mass and inertia takes "
+            f"time steps of {step:.1g} s, which are too many",
+        )
+    return ask_drake(lambda: simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat))
+
+
 def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium] | Refusal) -> PlantVerdict:
     if isinstance(equilibria, Refusal):
         return _undecided("statics", "N", equilibria)
@@ -290,7 +305,11 @@ def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium] | Refusal
     return PlantVerdict("statics", _verdict(not faults and spare > 0), spare, "N", reason)
 
 
-def _simulation(scene: Scene, plan: LoadPlan, trace: simulation.Trace | Refusal) -> PlantVerdict:
+def _simulation(
+    scene: Scene, plan: LoadPlan, trace: simulation.Trace | Refusal | Obstacle
+) -> PlantVerdict:
+    if isinstance(trace, Obstacle):
+        return PlantVerdict("simulation", trace.verdict, None, "1", trace.reason)
     if isinstance(trace, Refusal):
         return _undecided("simulation", "1", trace)
     outcome = simulation.judge(trace, len(plan.labels), scene.object_.polyhedron.diameter)

@@ -41,11 +41,17 @@ from drake_polygrasp.plant.scratch_plant import Scene, add_covers, add_pads, add
 
 MAX_TIME_STEP = 1e-3
 """[s]"""
+MIN_TIME_STEP = 5e-6
+"""[s], ours: where contact bears only shorter steps, simulation would take minutes."""
 MAX_SPEED_STEP = 1.0
 """[1/s], ours: of the squeeze times the time step, over the object's mass and diameter. Drake's
 contact gives way, however much friction is left, at about a thousandth of the impulse of a step
 over the mass, so that what is squeezed a hundred times as hard as it weighs creeps for numerical
 reasons alone; such steps keep that below a third of `MAX_CREEP`."""
+BOX_MOBILITY = 7.0
+"""Over the mass: how much speed an impulse at a contact gives a uniform box there at most, at its
+corners. What turns more easily, by a small stated inertia or a far centre of mass, takes steps as
+a lesser mass."""
 SAMPLE = 0.01
 """[s] between samples, at which commands change too."""
 SETTLE_TIME = 0.1
@@ -110,13 +116,28 @@ class Outcome:
 def time_step(scene: Scene, squeeze: float) -> float:
     """Returns the time step [s]: the longest that divides `SAMPLE` and that Drake's contact bears.
 
+    One below `MIN_TIME_STEP` is for no simulation.
+
     Args:
         scene: object and fingertips.
         squeeze: total normal force [N].
     """
-    mass, L = scene.solid.M_BBo_B.get_mass(), scene.object_.polyhedron.diameter
-    longest = min(MAX_TIME_STEP, MAX_SPEED_STEP * mass * L / squeeze)
+    L = scene.object_.polyhedron.diameter
+    longest = min(MAX_TIME_STEP, MAX_SPEED_STEP * _contact_mass(scene) * L / squeeze)
     return SAMPLE / math.ceil(float(SAMPLE / longest) * (1 - 1e-9))
+
+
+def _contact_mass(scene: Scene) -> float:
+    """The object's mass, or less where impulses at its contacts turn it more than a box [kg]."""
+    p_BBcm, rho = scene.solid.M_BBo_B.get_com(), scene.object_.rho
+    M_BBcm_B = scene.solid.M_BBo_B.Shift(p_BBcm)
+    mass, inertia = M_BBcm_B.get_mass(), M_BBcm_B.CalcRotationalInertia()
+    moment, axes = np.linalg.eigh(inertia.CopyToFullMatrix3())
+    # Columns are torques of unit forces at each contact, shape (3, 3, 3), about principal axes.
+    arm = np.cross((scene.grasp.p_BC - p_BBcm)[:, None], np.eye(3)).swapaxes(1, 2)
+    torque = axes.T @ arm / np.sqrt(np.maximum(moment, 1e-12 * mass * rho**2))[:, None]
+    mobility = 1.0 / mass + np.linalg.norm(torque, ord=2, axis=(1, 2)).max() ** 2
+    return float(min(mass, BOX_MOBILITY / mobility))
 
 
 def settings() -> dict[str, Any]:

@@ -126,6 +126,15 @@ def test_a_body_that_does_not_resist_turning_is_not_simulated(tmp_path: Path) ->
     assert "inertia" in report.verdicts[-1].reason
 
 
+def test_what_takes_too_many_time_steps_is_not_simulated() -> None:
+    slippery = replace(cube_grasp(), mu=frozen([1e-5] * 3))
+    report = cube_report(slippery)
+    assert verdicts(report)["geometry"] is HOLDS
+    assert verdicts(report)["simulation"] is UNDECIDED
+    assert "time steps" in report.verdicts[-1].reason
+    assert report.trace is None
+
+
 def test_points_are_small_probes() -> None:
     report = cube_report(cube_grasp(), tip_radius=0.0)
     assert report.holds

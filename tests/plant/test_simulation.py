@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydrake.geometry import Meshcat
+from pydrake.multibody.tree import SpatialInertia
 
 from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array, frozen
@@ -112,6 +113,32 @@ def test_the_time_step_is_short_where_the_squeeze_is_hard() -> None:
     assert simulation.time_step(scene, 2000 * slow) == pytest.approx(5e-4)
     # It divides the time between samples.
     assert simulation.time_step(scene, 2100 * slow) == pytest.approx(0.01 / 21)
+
+
+def light_to_turn(share: float) -> Scene:
+    """The cube with a share of its inertia about the centre, which a model may state too small."""
+    scene = cube_scene()
+    side = 0.06 * np.sqrt(share)
+    lighter = SpatialInertia.SolidBoxWithMass(0.1512, side, side, side)
+    return replace(scene, solid=replace(scene.solid, M_BBo_B=lighter))
+
+
+def test_what_turns_easily_takes_steps_as_a_lesser_mass() -> None:
+    # At (a/2, a/6, 0) on a cube's face: 1/m + r^2 / I, with r^2 = 5/18 a^2 and I = share m a^2 / 6.
+    squeeze, share = 1.0, 1e-3
+    p_y, mass, side = 0.02, 0.1512, 0.06
+    mobility = 1 + (0.03**2 + p_y**2) / (share * side**2 / 6)  # times the mass
+    longest = 7 / mobility * mass * side * np.sqrt(3) / squeeze
+    expected = 0.01 / np.ceil(0.01 / longest)
+    assert simulation.time_step(light_to_turn(share), squeeze) == pytest.approx(expected)
+    assert simulation.time_step(light_to_turn(0.5), squeeze) == 1e-3
+
+
+def test_a_small_stated_inertia_makes_no_grasp_creep() -> None:
+    # With steps for the mass alone, the bound of creep is exceeded.
+    loads = plan_loads(cube_scene())
+    assert isinstance(loads, LoadPlan)
+    assert outcome(light_to_turn(0.01), loads.squeeze_f_B, loads.weight).margin > 0.5
 
 
 def test_a_grasp_without_least_friction_needs_what_bears_the_weight() -> None:
