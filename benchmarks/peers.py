@@ -62,7 +62,7 @@ class Triples:
 
     @property
     def contacts(self) -> tuple[Array, Array, Array]:
-        """What the functions of `wrench` take first."""
+        """What the functions of `wrenches` take first."""
         return self.p_BC, self.nhat_TB_B, self.mu
 
 

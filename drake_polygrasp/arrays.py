@@ -1,4 +1,4 @@
-"""The types of arrays, the one way to make them read-only, and the memory that they are made of."""
+"""The types of arrays, the one way to make them read-only, ragged rows, and their memory."""
 
 from __future__ import annotations
 

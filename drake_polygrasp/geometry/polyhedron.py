@@ -1,7 +1,6 @@
-"""An object's exposed surface as planar faces, and the eroded regions of them that fingers may use.
+"""An object's exposed surface as planar faces.
 
-Section 2 of the paper: the object is a polyhedron with faces A_i and inward normals n_i, and no
-contact lies on an edge.
+Section 2 of the paper: the object is a polyhedron with faces A_i and inward normals n_i.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ class Contenders:
 
     @property
     def contacts(self) -> tuple[Array, Array, Array]:
-        """What the functions of `wrench` take first."""
+        """What the functions of `wrenches` take first."""
         return self.candidates.p_BC, self.nhat_TB_B, self.mu
 
     def contacts_of(self, rows: Ints) -> tuple[Array, Array, Array]:

@@ -32,7 +32,7 @@ def proved(
 ) -> tuple[Contenders, dict[int, Proof]]:
     """Proposes candidates and proves the best of them, until `top` sets of faces have a grasp.
 
-    Arguments as of `pipeline.plan_grasps`.
+    Arguments as of `plan_grasps`.
 
     Returns:
         All candidates, and the proofs of those that are found to hold.

@@ -71,7 +71,7 @@ def extended(task: Task, steps: Steps, work: Contenders) -> Iterator[Contenders]
 def completed(task: Task, steps: Steps, work: Contenders) -> Contenders:
     """The candidates, all that `extended` would add, and all sets however many.
 
-    Raises UsageError when sets are more than `task.MOST_SETS`.
+    Raises UsageError when sets are more than `request.MOST_SETS`.
     """
     task.require_countable()
     if steps.search and _may_hold_elsewhere(task, work):

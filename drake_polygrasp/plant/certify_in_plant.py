@@ -1,9 +1,9 @@
 """Whether a grasp holds the real object: five verdicts, of mathematics and of Drake's plant.
 
 The mathematics assumes points, normals and friction. In scratch plants with the object from its
-own file and fingertips of the plan's radius, SceneGraph confirms them (`geometry`), `statics` has
-the plant hold the weight along every axis, and `simulation` does so through time. What disagrees
-is reported as it is.
+own file and fingertips of the plan's radius, SceneGraph confirms them (`contact_geometry`),
+`statics` has the plant hold the weight along every axis, and `simulation` does so through time.
+What disagrees is reported as it is.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Fingertips that hold the object through time, in discrete time with Drake's own contact.
 
 Each tip slides on a prismatic joint along its contact's normal; a soft spring, whose far end is
-commanded, pushes it with the force that `holding` plans for the load at hand, so the hand
+commanded, pushes it with the force that `holding_forces` plans for the load at hand, so the hand
 redistributes forces as force closure promises it can. Sideways the joint is rigid: friction has
 to bear what the normal forces leave. Gravity acts as the object's weight at its centre of mass,
 turned instead of the hand, and each load starts again from the settled squeeze.

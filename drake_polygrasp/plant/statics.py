@@ -1,10 +1,10 @@
 """Drake's own statics of an object, three pads and three fingertips, gravity along each axis.
 
-Two judges of the forces that `holding` plans. Inverse dynamics of the plant says what they leave
-unbalanced, of any geometry. `StaticEquilibriumProblem`, with the object held where it is, must
-find contact wrenches of its own, of many the nearest to them; its distances need AutoDiff, which
-Drake has for spheres and boxes alone, so the fingertips stand on pads. Pads prove the forces and
-not the surface: they count where the geometry has been confirmed.
+Two judges of the forces that `holding_forces` plans. Inverse dynamics of the plant says what they
+leave unbalanced, of any geometry. `StaticEquilibriumProblem`, with the object held where it is,
+must find contact wrenches of its own, of many the nearest to them; its distances need AutoDiff,
+which Drake has for spheres and boxes alone, so the fingertips stand on pads. Pads prove the forces
+and not the surface: they count where the geometry has been confirmed.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: fl
 
 
 def contacts_on(regions: Regions, region: Ints, p_BC: Array) -> tuple[Array, Array, Array]:
-    """Contacts at points of regions, as the functions of `wrench` take them."""
+    """Contacts at points of regions, as the functions of `wrenches` take them."""
     return p_BC, regions.nhat_TB_B[region], regions.mu[region]
 
 

@@ -1,6 +1,6 @@
 """Where W reaches least far: bounds of epsilon from above, for many grasps at once.
 
-Arrays, W and h are those of `wrench`. Nothing here is proved: `certification.wrench_space` bounds
+Arrays, W and h are those of `contacts`. Nothing here is proved: `certification.robustness` bounds
 epsilon from below too.
 """
 

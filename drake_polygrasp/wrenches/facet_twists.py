@@ -1,7 +1,7 @@
 """Twists that hold one contact's disc in a facet of W: where W reaches least far, nearly always.
 
 Arrays of lines have grasps last and components first, so that what is computed for all grasps is
-contiguous; W and h are those of `wrench`. All is computed in the precision of what it is given.
+contiguous; W and h are those of `contacts`. All is computed in the precision of what it is given.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations, permutations
-from math import comb
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array, Bools
-from drake_polygrasp.geometry import face_sets
 from drake_polygrasp.geometry.face_sets import pairs, triples
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.paper.orientation import (
@@ -264,17 +262,6 @@ def test_phi_of_a_step_is_that_of_its_opposed_pair() -> None:
     np.testing.assert_allclose(sine_of_parallel(np.array([[leaning, Z, Z]])), np.sin(0.1))
     distinct = np.array([[-Z, Z, leaning * [-1, 1, -1]]])
     np.testing.assert_allclose(sine_of_parallel(distinct), sine_of_tips_plane(distinct)[1])
-
-
-@pytest.mark.parametrize("chunk", [1, 7, 50, 10**6])
-def test_every_set_comes_once_and_in_order(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(face_sets, "CHUNK", chunk)
-    for n in range(12):
-        found = [tuple(row) for batch in triples(n) for row in batch.tolist()]
-        assert found == list(combinations(range(n), 3))
-        assert [tuple(row) for row in pairs(n).tolist()] == list(combinations(range(n), 2))
-    sizes = [len(batch) for batch in triples(11)]
-    assert max(sizes) < chunk + comb(10, 2)
 
 
 def test_the_friction_that_a_tetrahedron_needs() -> None:

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.robustness import epsilon_interval
-from drake_polygrasp.geometry.face_sets import place_in_set, set_numbers
+from drake_polygrasp.geometry.face_sets import set_numbers
 from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.optimality import branch_and_bound
@@ -230,7 +230,6 @@ def test_starts_are_the_best_and_not_all_on_one_set() -> None:
     bound = epsilon_upper_bound(starts.p_BC, nhat, mu, *scale)
     assert rows[0] == best_first(bound)[0]
     assert (np.diff(bound[rows]) < 1e-6 * bound.max()).all()
-    assert place_in_set(np.array([7, 3, 7, 7, 3])).tolist() == [0, 0, 1, 2, 1]
 
 
 def test_critical_directions_hold_the_nearest_facet() -> None:

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.peers import random_triples, surface_of
 from drake_polygrasp.arrays import Ints
 from drake_polygrasp.certification.robustness import epsilon_interval
-from drake_polygrasp.geometry.face_sets import all_sets, with_sets
+from drake_polygrasp.geometry.face_sets import all_sets
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.orientation import friction_angle, opposes, pair_opposes, sets_oppose
@@ -81,9 +81,3 @@ def test_on_a_cube_only_sets_with_two_opposite_faces_can_hold() -> None:
     for faces in found.tolist():
         nhat = regions.nhat_TB_B[[r for r in faces if r >= 0]]
         assert (nhat @ nhat.T).min() == pytest.approx(-1.0)
-
-
-def test_sets_are_joined_without_repetition() -> None:
-    sets, more = np.array([[0, 1, 2], [0, 1, -1]]), np.array([[0, 1, -1], [1, 2, -1], [0, 1, 2]])
-    assert with_sets(sets, more).tolist() == [[0, 1, 2], [0, 1, -1], [1, 2, -1]]
-    assert with_sets(sets[:0], more).tolist() == more.tolist()
