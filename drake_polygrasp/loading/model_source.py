@@ -158,6 +158,8 @@ class _Reader:
                 f"{path}: its first element is <{root.tag}>, and Drake reads <{_ROOTS[suffix]}> of "
                 f"a {suffix} file; rename the file, or convert it"
             )
+        if root.tag == "sdf" and "version" not in root.attrib:
+            raise ModelError(f'{path}: its <sdf> states no version; write <sdf version="1.9">')
         check_names(root, path)
         files.documents[path] = root
         if root.tag == "mujoco":

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from textwrap import shorten
 from typing import NamedTuple
 
 from pydrake.geometry import Mesh, SceneGraph, Shape
@@ -19,6 +17,7 @@ from pydrake.systems.framework import Context
 
 from drake_polygrasp.errors import ModelError, PolygraspError
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
+from drake_polygrasp.loading.drake_words import hearing, reason_of
 from drake_polygrasp.loading.mesh_file import check_mesh_file
 from drake_polygrasp.loading.model_source import ModelFiles, read_model_files
 from drake_polygrasp.loading.packages import (
@@ -32,11 +31,6 @@ from drake_polygrasp.loading.rigid_group import RigidGroup, find_group, rigid_bo
 
 _DENSITY = 1000.0
 """[kg/m^3], the Parser's own for an OBJ file."""
-_PLACE = re.compile(r"(.*?):(\d+): (?:(?:warning|error): )*(.*)", re.DOTALL | re.IGNORECASE)
-_LABEL = re.compile(r"^(?:(?:warning|error): )*", re.IGNORECASE)
-"""What Drake puts before its words on a file."""
-MAX_REASON = 400
-"""Of Drake's words on a file, ours: it may quote the whole file."""
 
 
 class ParsedModel(NamedTuple):
@@ -68,74 +62,28 @@ def parse_model(
     files = read_model_files(locate(model_file, package_map), package_map)
     for mesh in files.meshes:
         check_mesh_file(mesh)
-    with _drake_warnings() as warnings, blaming(files.model_file):
+    with hearing() as heard, blaming(files.model_file, heard.errors):
         plant, scene_graph = _parse(files.model_file, package_map, scale)
-    body = _choose_body(plant, body_name, files.model_file)
+    warnings = heard.merged()
+    body = _choose_body(plant, body_name, files.model_file, warnings)
     context = plant.CreateDefaultContext()
     group = find_group(plant, body, context)
     return ParsedModel(files, plant, scene_graph, context, group, warnings)
 
 
 @contextmanager
-def blaming(where: Path | str) -> Iterator[None]:
-    """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors."""
+def blaming(where: Path | str, logged: Sequence[str] = ()) -> Iterator[None]:
+    """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors.
+
+    The errors that Drake `logged` before may say more.
+    """
     try:
         yield
     except (PolygraspError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
-        reason = missing_package(str(error)) or shorten(_reason(str(error), where), MAX_REASON)
+        reason = missing_package(str(error)) or reason_of(str(error), where, logged)
         raise ModelError(f"{where}: Drake cannot load it: {reason}") from error
-
-
-def _parts(words: str) -> tuple[str, str, str]:
-    """The file, its line, and the words without their label."""
-    place = _PLACE.match(words.strip())
-    return (place[1], place[2], place[3]) if place else ("", "", _LABEL.sub("", words.strip()))
-
-
-def _reason(words: str, where: Path | str) -> str:
-    """Drake's words on a file, without its name and their own label."""
-    file, line, words = _parts(words)
-    if not file:
-        return words
-    same = Path(file) == Path(where).absolute()
-    return f"line {line}: {words}" if same else f"{file}:{line}: {words}"
-
-
-@contextmanager
-def _drake_warnings() -> Iterator[list[str]]:
-    """Collects what Drake would log."""
-
-    class Collector(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            messages.append(shorten(record.getMessage(), MAX_REASON))
-
-    messages: list[str] = []
-    said: list[str] = []
-    logger, collector = logging.getLogger("drake"), Collector(logging.WARNING)
-    propagate, logger.propagate = logger.propagate, False
-    logger.addHandler(collector)
-    try:
-        yield said
-    finally:
-        logger.removeHandler(collector)
-        logger.propagate = propagate
-        said += _collected(messages)
-
-
-def _collected(messages: Sequence[str]) -> list[str]:
-    """Drake's warnings, those that differ only in the line of the file together."""
-    lines: dict[tuple[str, str], list[str]] = {}
-    for message in messages:
-        file, line, words = _parts(message)
-        lines.setdefault((file, words), []).append(line)
-    said = []
-    for (file, words), numbers in lines.items():
-        numbers = list(dict.fromkeys(numbers))
-        more = f" (and {len(numbers) - 1} more)" if len(numbers) > 1 else ""
-        said.append(f"{file}:{numbers[0]}{more}: {words}" if file else words)
-    return said
 
 
 def _parse(
@@ -190,7 +138,9 @@ def _spatial_inertia(shape: Shape) -> SpatialInertia | None:
         return None
 
 
-def _choose_body(plant: MultibodyPlant, name: str | None, model_file: Path) -> RigidBody:
+def _choose_body(
+    plant: MultibodyPlant, name: str | None, model_file: Path, warnings: Sequence[str]
+) -> RigidBody:
     """The link of that name on a rigid body that can be held, or the base link of the only one."""
     groups = rigid_bodies(plant)
     bodies = [body for group in groups for body in group]
@@ -202,9 +152,11 @@ def _choose_body(plant: MultibodyPlant, name: str | None, model_file: Path) -> R
         groups = [group for group in groups if any(body in group for body in named)]
     solid = [group for group in groups if any(_is_solid(plant, body) for body in group)]
     if not solid:
+        ignored = [warning for warning in warnings if "ignor" in warning.lower()]
         raise ModelError(
             f"{model_file}: no collision geometry on {_names(bodies) or 'any body'}; "
             "a grasp needs what fingers can touch"
+            + (f"; Drake says: {reason_of(ignored[0], model_file)}" if ignored else "")
         )
     chosen = [body for group in solid for body in group if body in bodies]
     if name is None:

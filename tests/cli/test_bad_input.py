@@ -75,7 +75,7 @@ REFUSED: dict[str, tuple[str, str, str]] = {
     "an empty file": ("x.sdf", "", "cannot be read as XML"),
     "a truncated file": ("x.sdf", sdf()[:90], "cannot be read as XML"),
     "no XML": ("x.urdf", "hello", "cannot be read as XML"),
-    "other XML": ("x.sdf", "<html/>", "cannot load it"),
+    "other XML": ("x.sdf", "<html/>", "its first element is <html>, and Drake reads <sdf>"),
     "UTF-16": ("x.sdf", "\udcff\udcfe" + "\0".join(sdf()), "cannot be read as XML"),
     "text after the model": ("x.sdf", sdf() + "\udcff", "text stands after the last tag"),
     "an entity bomb": ("x.sdf", BOMB, "write them out"),

@@ -24,6 +24,11 @@ MJCF = (
 )
 
 
+def sdf(geometry: str, more: str = "") -> str:
+    shape = f'<collision name="c"><geometry>{geometry}</geometry>{more}</collision>'
+    return f'<sdf version="1.9"><model name="m"><link name="a">{shape}</link></model></sdf>'
+
+
 def urdf(collision: str, links: int = 1) -> str:
     bodies = [
         f'<link name="l{k}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" '
@@ -40,6 +45,9 @@ def urdf(collision: str, links: int = 1) -> str:
 
 
 BOX = '<box size="0.1 0.1 0.1"/>'
+SDF_BOX = "<box><size>0.1 0.1 0.1</size></box>"
+CONE = "<cone><radius>0.1</radius><length>0.1</length></cone>"
+NEGATIVE = "<surface><friction><ode><mu>-1</mu></ode></friction></surface>"
 
 
 def test_one_warning_of_drake_on_many_lines_is_one_line_without_its_label(
@@ -76,6 +84,9 @@ def test_links_that_state_no_friction_are_named_in_one_line(tmp_path: Path) -> N
             MJCF.replace(' model="m"', ""),
             "Drake cannot load it: line 1: Your robot must have",
         ),
+        ("a.sdf", sdf(SDF_BOX).replace(' version="1.9"', ""), "its <sdf> states no version; write"),
+        ("a.sdf", sdf(CONE), "Drake says: line 1: Ignoring unsupported SDFormat element"),
+        ("a.sdf", sdf(SDF_BOX, NEGATIVE), "(The value [-1] is less than the minimum allowed value"),
         ("a/b.txt", "", "is a folder without a model.config; name a model in it"),
         ("a.urdf", urdf('<mesh filename="package://p/b.obj"/>'), "package://p/b.obj: package 'p'"),
     ],
