@@ -21,6 +21,7 @@
 | numbers.py | arrays of the numbers that are written in a file |
 | collision_mesh.py | the surface that a Mesh or Convex shape stands for |
 | parsed_model.py | has Drake read a model file |
+| drake_words.py | what Drake says of a file, in words for people |
 | model_checks.py | refuses impossible sizes and masses |
 | model_statements.py | tells what files state from what Drake assumes |
 | model_instances.py | where documents state each model instance |
