@@ -30,9 +30,8 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: all that was asked for holds; something does not, or nothing was found; the input or
 the usage is wrong; stopped from the keyboard."""
 
-
-_FOLDERS = re.compile(r"^(?:[^:]*/)?(?=[^/:]+:(?:\d+[^:]*:)? )")
-"""Of the path that a message begins with."""
+_FILE = re.compile(r"(.+?)(?=(?::\d+[^:]*)?: )")
+"""The file that a message begins with, before its line."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -77,7 +76,10 @@ def _complain(message: str, code: int) -> int:
 def _warn(warnings: Iterable[str]) -> None:
     """Prints each in a line, with the name of the file it is about but not its folders."""
     for warning in warnings:
-        _say(f"warning: {_FOLDERS.sub('', warning)}")
+        file = _FILE.match(warning)
+        if file and Path(file[0]).exists():
+            warning = Path(file[0]).name + warning[file.end() :]
+        _say(f"warning: {warning}")
 
 
 def _say(message: str) -> None:
