@@ -8,13 +8,14 @@ import re
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: all that was asked for holds; something does not, or nothing was found; the input or
 the usage is wrong; stopped from the keyboard."""
-_FOLDERS = re.compile(r"^(?:[^:]*/)?(?=[^/:]+:(?:\d+[^:]*:)? )")
-"""Of the path that a message begins with."""
+_FILE = re.compile(r"(.+?)(?=(?::\d+[^:]*)?: )")
+"""The file that a message begins with, before its line."""
 
 
 def print_result(code: int, text: str) -> int:
@@ -39,7 +40,10 @@ def complain(message: str, code: int) -> int:
 def warn(warnings: Iterable[str]) -> None:
     """Prints each in a line, with the name of the file it is about but not its folders."""
     for warning in warnings:
-        say(f"warning: {_FOLDERS.sub('', warning)}")
+        file = _FILE.match(warning)
+        if file and Path(file[0]).exists():
+            warning = Path(file[0]).name + warning[file.end() :]
+        say(f"warning: {warning}")
 
 
 def say(message: str) -> None:

@@ -90,6 +90,12 @@ class Polyhedron:
         return self.own is not None
 
     @cached_property
+    def least_radius_of_solid(self) -> Array:
+        """The least radius of the curved solid that each face is a patch of [m], else 0; (n,)."""
+        solids = [face.primitive for face in self.faces]
+        return frozen([0.0 if solid is None else float(solid.radii.min()) for solid in solids])
+
+    @cached_property
     def is_patch(self) -> Bools:
         """Which faces are patches of a curved or noisy surface, shape (F,)."""
         return frozen([face.reach > 0 for face in self.faces], bool)

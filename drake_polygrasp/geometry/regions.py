@@ -82,9 +82,10 @@ def erode(
     This is the paper's security distance, applied once and before everything else. At reflex
     corners the offset edges are extended to their intersection, which removes a little more than
     the distance and keeps polygons simple. Faces with an inradius below `min_inradius` [m]
-    (default: `MIN_INRADIUS` L) are left out. The default clearance is, for each face, the lesser
-    of `DEFAULT_CLEARANCE` L and `CLEARANCE_OF_INRADIUS` times its inradius. Regions are sorted by
-    face, then centroid.
+    (default: `MIN_INRADIUS` L) are left out; a patch of a curved solid, whose neighbours continue
+    it, only where the solid's least radius is below that too. The default clearance is, for each
+    face, the lesser of `DEFAULT_CLEARANCE` L and `CLEARANCE_OF_INRADIUS` times its inradius.
+    Regions are sorted by face, then centroid.
     """
     L = polyhedron.diameter
     polygons = polyhedron.polygon_F
@@ -94,7 +95,8 @@ def erode(
     clearance = np.minimum(DEFAULT_CLEARANCE * L, CLEARANCE_OF_INRADIUS * radius)
     if edge_clearance is not None:
         clearance = np.full(len(radius), edge_clearance)
-    kept = np.flatnonzero((radius >= narrowest) & (radius > clearance))
+    is_wide = np.maximum(radius, polyhedron.least_radius_of_solid) >= narrowest
+    kept = np.flatnonzero(is_wide & (radius > clearance))
     eroded = shrunk(polygons[kept], clearance[kept])
     parts, owner = shapely.get_parts(
         shapely.simplify(eroded, LENGTH_TOLERANCE * L), return_index=True

@@ -337,7 +337,7 @@ def test_show_takes_no_options_that_a_grasp_file_states(
     options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["show", str(tmp_path / "a.grasp.yaml"), *options]) == 2
-    assert "states its body and friction" in capsys.readouterr().err
+    assert "states its body, friction and scale" in capsys.readouterr().err
 
 
 def test_show_warns_of_a_model_that_changed_and_refuses_one_that_is_gone(
