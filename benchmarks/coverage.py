@@ -34,7 +34,7 @@ from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.reasons import UNJUDGED
 from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.pipeline.proposals import constructed
-from drake_polygrasp.pipeline.request import make_task
+from drake_polygrasp.pipeline.request import make_request
 from drake_polygrasp.search.selection import Steps
 from drake_polygrasp.wrenches.epsilon_estimate import epsilon_estimates
 
@@ -92,7 +92,7 @@ def compare(subject: HardObject) -> Comparison:
 
 def best_of_paper(object_: GraspObject) -> float:
     """The greatest epsilon of all that the paper's stages construct and that is proved."""
-    work = constructed(make_task(object_, "paper", None, None, (), (), None), Steps())
+    work = constructed(make_request(object_, "paper", None, None, (), (), None), Steps())
     rows = np.flatnonzero(work.outcome == UNJUDGED)
     estimate = epsilon_estimates(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
     best = 0.0

@@ -32,7 +32,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody, WeldJoint
 
-from drake_polygrasp.cli.child_process import Task, call_in_child
+from drake_polygrasp.cli.child_process import ChildLimits, call_in_child
 from drake_polygrasp.errors import ModelError, PolygraspError
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.body_object import DEFAULT_MU
@@ -183,7 +183,7 @@ def compare_model(model_file: Path, copy: Path, max_bodies: int) -> list[Finding
             "benchmarks.public_models:drake_bodies",
             model_file,
             copy,
-            task=Task(f"reading {model_file}", SECONDS),
+            limits=ChildLimits(f"reading {model_file}", SECONDS),
         )
     except ModelError as error:
         raise UnreadError(str(error)) from error
@@ -197,7 +197,7 @@ def compare_body(model_file: Path, body: DrakeBody) -> Finding:
             "benchmarks.public_models:load",
             model_file,
             body.name,
-            task=Task(f"loading {model_file}", SECONDS),
+            limits=ChildLimits(f"loading {model_file}", SECONDS),
         )
     except PolygraspError as error:
         return Finding(model_file, body.name, Outcome.REFUSED, str(error))

@@ -6,19 +6,19 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from drake_polygrasp.cli.child_process import READ_SECONDS, WORK_SECONDS, Task, call_in_child
+from drake_polygrasp.cli.child_process import READ_SECONDS, WORK_SECONDS, ChildLimits, call_in_child
 from drake_polygrasp.cli.reporting import warn
 
 if TYPE_CHECKING:
     from drake_polygrasp.grasp import GraspObject
 
 
-def child_task(
+def child_limits(
     arguments: argparse.Namespace, name: str, unit: str = "", seconds: float = WORK_SECONDS
-) -> Task:
+) -> ChildLimits:
     """What a child is to do; machines that read JSON through a pipe are told no progress."""
     quiet = getattr(arguments, "json", False) and not sys.stdout.isatty()
-    return Task(name, seconds, unit, quiet)
+    return ChildLimits(name, seconds, unit, quiet)
 
 
 def load_model(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
@@ -26,7 +26,7 @@ def load_model(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
     object_, seconds = call_in_child(
         "drake_polygrasp.loading.object_model:load_object",
         arguments.model,
-        task=child_task(arguments, f"reading {arguments.model}", seconds=READ_SECONDS),
+        limits=child_limits(arguments, f"reading {arguments.model}", seconds=READ_SECONDS),
         body_name=arguments.body,
         mu=arguments.mu,
         package_paths=arguments.package_path,

@@ -31,7 +31,7 @@ _PAUSE = 0.1
 
 
 @dataclass(frozen=True)
-class Task:
+class ChildLimits:
     """What the child does, for people, and how long it may take [s]."""
 
     name: str
@@ -44,61 +44,62 @@ class Task:
 
 
 def call_in_child(
-    function: str, /, *args: Any, task: Task | None = None, **kwargs: Any
+    function: str, /, *args: Any, limits: ChildLimits | None = None, **kwargs: Any
 ) -> tuple[Any, float]:
     """What `function` ("package.module:name") returns, and the seconds the call took.
 
     Its module is imported in the child only; what comes back is pickled. What the child prints on
-    standard error is of use only when it crashes. `task` is, by default, to read the first argument
-    in `READ_SECONDS`. On a terminal, progress is shown on standard error after a second; a function
-    whose task has a unit is given a callback `progress` that comes this way too.
+    standard error is of use only when it crashes. `limits` are, by default, those of reading the
+    first argument in `READ_SECONDS`. On a terminal, progress is shown on standard error after a
+    second; a function whose limits name a unit is given a callback `progress` that comes this way
+    too.
 
     Raises:
         ModelError: when the child crashes, or needs more time or memory than it may.
         Exception: whatever the function raises.
     """
-    task = task or Task(f"reading {args[0]}", READ_SECONDS)
+    limits = limits or ChildLimits(f"reading {args[0]}", READ_SECONDS)
     # Forked, the child starts at once: a spawned one would import everything again.
     context = get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
     with tempfile.TemporaryFile() as stderr:
-        call = (sender, stderr, function, args, kwargs, bool(task.unit))
+        call = (sender, stderr, function, args, kwargs, bool(limits.unit))
         child = context.Process(target=_run, args=call, daemon=True)
         child.start()
         sender.close()
         try:
-            value, seconds, error = _answer(receiver, task)
+            value, seconds, error = _answer(receiver, limits)
         except EOFError:
             child.join()
-            raise _refusal(task, _death(child.exitcode, stderr)) from None
+            raise _refusal(limits, _death(child.exitcode, stderr)) from None
         finally:
             child.kill()
             child.join()
             receiver.close()
     if isinstance(error, MemoryError):
-        raise _refusal(task, f"runs out of memory ({MAX_GIGABYTES} GB at most)")
+        raise _refusal(limits, f"runs out of memory ({MAX_GIGABYTES} GB at most)")
     if error is not None:
         raise error
     return value, seconds
 
 
-def _refusal(task: Task, fault: str) -> ModelError:
-    return ModelError(f"{task.name}: {fault}; repair or simplify the file")
+def _refusal(limits: ChildLimits, fault: str) -> ModelError:
+    return ModelError(f"{limits.name}: {fault}; repair or simplify the file")
 
 
-def _answer(receiver: Connection, task: Task) -> Any:
+def _answer(receiver: Connection, limits: ChildLimits) -> Any:
     """What the child sends last, its words on progress shown; EOFError where it just ends.
 
     Raises ModelError when it takes too long.
     """
-    with ProgressLine(task.name, task.unit, quiet=task.quiet) as line:
+    with ProgressLine(limits.name, limits.unit, quiet=limits.quiet) as line:
         last_word = 0.0
         while True:
-            left = last_word + task.seconds - line.elapsed
+            left = last_word + limits.seconds - line.elapsed
             if not receiver.poll(max(0.0, min(TICK, left))):
                 line.tick()
                 if left <= TICK:
-                    raise _refusal(task, f"stopped after {task.seconds:g} s")
+                    raise _refusal(limits, f"stopped after {limits.seconds:g} s")
                 continue
             message = receiver.recv()
             if len(message) == 3:

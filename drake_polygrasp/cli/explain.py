@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from drake_polygrasp.cli.calls import child_task, load_model
+from drake_polygrasp.cli.calls import child_limits, load_model
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.options import add_command, add_common_options, add_object_options
 from drake_polygrasp.cli.reporting import DONE, as_json
@@ -44,7 +44,7 @@ def run_explain(arguments: argparse.Namespace) -> tuple[int, str]:
     explanation, _ = call_in_child(
         "drake_polygrasp.pipeline.explain:explain_sets",
         object_,
-        task=child_task(arguments, f"explaining {arguments.model}"),
+        limits=child_limits(arguments, f"explaining {arguments.model}"),
         method=arguments.method,
         edge_clearance=arguments.edge_clearance,
         tip_radius=arguments.tip_radius,

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from drake_polygrasp.cli.calls import child_task, load_model
+from drake_polygrasp.cli.calls import child_limits, load_model
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.options import add_command, add_common_options, add_object_options
 from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, complain
@@ -95,7 +95,7 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
     plan, _ = call_in_child(
         "drake_polygrasp.pipeline.plan:plan_grasps",
         object_,
-        task=child_task(arguments, f"planning grasps of {arguments.model}"),
+        limits=child_limits(arguments, f"planning grasps of {arguments.model}"),
         method=arguments.method,
         top=MOST_ASKED * arguments.top if arguments.plant else arguments.top,
         rank=arguments.rank,
@@ -143,7 +143,7 @@ def _in_plant(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPl
         "drake_polygrasp.pipeline.plant_ranking:rank_in_plant",
         object_,
         plan,
-        task=child_task(arguments, f"holding grasps of {arguments.model} in a plant", "grasps"),
+        limits=child_limits(arguments, f"holding grasps of {arguments.model} in a plant", "grasps"),
         top=arguments.top,
         package_paths=arguments.package_path,
         packages=dict(arguments.packages),
@@ -157,7 +157,7 @@ def _gap(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -
         "drake_polygrasp.optimality.gap:epsilon_gap",
         object_,
         plan,
-        task=child_task(arguments, f"bounding grasps of {arguments.model}", "nodes"),
+        limits=child_limits(arguments, f"bounding grasps of {arguments.model}", "nodes"),
         **({"nodes": arguments.gap} if arguments.gap else {}),
     )
     return gap

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path, PurePath
 from typing import Any
 
-from drake_polygrasp.cli.calls import child_task
+from drake_polygrasp.cli.calls import child_limits
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.options import add_command, add_joints_free, add_package_options, add_scale
 from drake_polygrasp.cli.reporting import DONE, FAILED, complain, print_result, warn
@@ -57,7 +57,7 @@ def run_show(arguments: argparse.Namespace) -> tuple[int, str]:
         )
     maker = f"drake_polygrasp.cli.exhibit:exhibit_{kind}"
     exhibit, _ = call_in_child(
-        maker, name, task=child_task(arguments, f"showing {name}"), **options
+        maker, name, limits=child_limits(arguments, f"showing {name}"), **options
     )
     warn(exhibit.object_.warnings)
     code = DONE

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from drake_polygrasp.cli.calls import child_task
+from drake_polygrasp.cli.calls import child_limits
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.options import add_command, add_common_options
 from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, complain, warn
@@ -56,7 +56,7 @@ def run_verify(arguments: argparse.Namespace) -> tuple[int, str]:
     report, _ = call_in_child(
         "drake_polygrasp.verification.verify:verify_file",
         arguments.file,
-        task=child_task(arguments, f"verifying {arguments.file}", "grasps"),
+        limits=child_limits(arguments, f"verifying {arguments.file}", "grasps"),
         package_paths=arguments.package_path,
         packages=dict(arguments.packages),
         plant=arguments.plant,

@@ -34,7 +34,7 @@ from drake_polygrasp.paper.reasons import (
     SetPlan,
     has_contacts,
 )
-from drake_polygrasp.pipeline.request import Codes, Task
+from drake_polygrasp.pipeline.request import Codes, PlanRequest
 from drake_polygrasp.search.triples import Triples
 from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrenches.contacts import force_closure, non_collinear, plane_normal
@@ -52,7 +52,7 @@ _OUTCOME = {
 class Contenders:
     """Candidate grasps; `outcome` alone changes, as they are judged."""
 
-    task: Task
+    request: PlanRequest
     plan: SetPlan
     candidates: Candidates
     """With contacts moved to the true surface; q is NaN where the paper's stages give none."""
@@ -79,11 +79,11 @@ class Contenders:
         Contacts must be where `verify` finds them too: on the exposed surface, with the body
         behind them and no more friction than is there.
         """
-        found = face_of(self.task.object_.polyhedron, *self._flat(rows)).reshape(-1, 3)
-        there = np.append(self.task.object_.polyhedron.mu, -np.inf)[found]
+        found = face_of(self.request.object_.polyhedron, *self._flat(rows)).reshape(-1, 3)
+        there = np.append(self.request.object_.polyhedron.mu, -np.inf)[found]
         on_face = self.mu[rows] <= there
         # On curved surfaces, whose faces are patches, the true normals decide what is excluded.
-        avoided = self.task.exclusion.avoids(self.nhat_TB_B[rows].reshape(-1, 3), found.ravel())
+        avoided = self.request.exclusion.avoids(self.nhat_TB_B[rows].reshape(-1, 3), found.ravel())
         avoided = avoided.reshape(-1, 3)[on_face.all(axis=1)]
         rows = self._passed(rows, on_face, "off_face")
         rows = self._passed(rows, ~avoided, "excluded")
@@ -91,7 +91,7 @@ class Contenders:
             ("tip_blocked", fits),
             ("obstructed", is_clear),
         ):
-            rows = self._passed(rows, passes(self.task, *self._flat(rows)), reason)
+            rows = self._passed(rows, passes(self.request, *self._flat(rows)), reason)
         proofs = prove_many(*self.contacts_of(rows))
         self.outcome[rows] = [_OUTCOME[proof.verdict] for proof in proofs]
         return {
@@ -149,7 +149,7 @@ class Contenders:
     def epsilon(self, row: int, at_least: float) -> Interval:
         """Bounds of a candidate's epsilon, close ones only if it reaches `at_least`."""
         p_BC, nhat_TB_B, mu = (values[row] for values in self.contacts)
-        scale = self.task.object_.p_BBcm, self.task.object_.rho
+        scale = self.request.object_.p_BBcm, self.request.object_.rho
         return epsilon_interval(p_BC, nhat_TB_B, mu, *scale, at_least=at_least)
 
     def certified(
@@ -157,7 +157,7 @@ class Contenders:
     ) -> tuple[CertifiedGrasp, ...]:
         """Proved candidates with their certificates; None where epsilon is not measured yet."""
         p_BC, face = self.candidates.p_BC[rows], self.face[rows]
-        polyhedron = self.task.object_.polyhedron
+        polyhedron = self.request.object_.polyhedron
         clearance = edge_distance(polyhedron, p_BC.reshape(-1, 3), face.ravel()).reshape(-1, 3)
         return tuple(
             self._certified(*each)
@@ -167,7 +167,7 @@ class Contenders:
     def _certified(
         self, row: int, proof: Proof, epsilon: Interval | None, clearance: float
     ) -> CertifiedGrasp:
-        rows, object_ = self.candidates, self.task.object_
+        rows, object_ = self.candidates, self.request.object_
         a, b, c = self.face[row].tolist()
         grasp = Grasp(
             frozen(rows.p_BC[row]),
@@ -191,19 +191,19 @@ class Contenders:
             epsilon=epsilon,
         )
         assert isinstance(certified, CertifiedGrasp)  # it is proved already
-        return replace(certified, tip_radius=self.task.tip_radius)
+        return replace(certified, tip_radius=self.request.tip_radius)
 
     def _quality(self, row: int) -> Quality | None:
         q_1, q_2, q_3, q_4, q_5 = q = to_decimals(self.candidates.q[row]).tolist()
         if np.isnan(q).any():
             return None
-        scale: Literal["paper", "object"] = "paper" if self.task.method == "paper" else "object"
+        scale: Literal["paper", "object"] = "paper" if self.request.method == "paper" else "object"
         return Quality(scale, float(significant(np.prod(q))), (q_1, q_2, q_3, q_4, q_5))
 
     def followed_by(self, more: Contenders) -> Contenders:
         """These candidates and then others, whose plan has all sets of both."""
         return Contenders(
-            self.task,
+            self.request,
             more.plan,
             joined_candidates(self.candidates, more.candidates),
             *(
@@ -233,33 +233,35 @@ class Contenders:
         return code
 
 
-def fits(task: Task, p_BC: Array, nhat_TB_B: Array) -> Bools:
+def fits(request: PlanRequest, p_BC: Array, nhat_TB_B: Array) -> Bools:
     """Whether tips have room at contacts on the surface [m], (M, 3) each to (M,)."""
-    return tip_fits(task.object_.polyhedron, p_BC, nhat_TB_B, task.tip_radius)
+    return tip_fits(request.object_.polyhedron, p_BC, nhat_TB_B, request.tip_radius)
 
 
-def is_clear(task: Task, p_BC: Array, nhat_TB_B: Array) -> Bools:
+def is_clear(request: PlanRequest, p_BC: Array, nhat_TB_B: Array) -> Bools:
     """Whether no obstacle is where a tip would be, or within a crack's width of a point, (M,)."""
-    if task.obstacles is None:
+    if request.obstacles is None:
         return np.ones(len(p_BC), dtype=bool)
-    polyhedron = task.object_.polyhedron
-    tip_radius = least_tip(polyhedron, task.tip_radius)
+    polyhedron = request.object_.polyhedron
+    tip_radius = least_tip(polyhedron, request.tip_radius)
     reach = tip_radius - TIP_SLACK * polyhedron.diameter
-    return ~task.obstacles.block(p_BC - tip_radius * nhat_TB_B, reach)
+    return ~request.obstacles.block(p_BC - tip_radius * nhat_TB_B, reach)
 
 
-def contenders(task: Task, plan: SetPlan, triples: Triples | None, first: int = 0) -> Contenders:
+def contenders(
+    request: PlanRequest, plan: SetPlan, triples: Triples | None, first: int = 0
+) -> Contenders:
     """All that was constructed, and triples of the plan's sets, as far as the closed form.
 
     Contacts are rounded to the digits that a grasp file states: all that follows is of these.
 
     Args:
-        task: what to plan for.
+        request: what to plan for.
         plan: sets of regions and what the paper's stages make of them.
         triples: more contacts on these sets.
         first: the first of the constructions that is not among other candidates already.
     """
-    polyhedron, regions = task.object_.polyhedron, task.regions
+    polyhedron, regions = request.object_.polyhedron, request.regions
     rows = plan.candidates.take(np.arange(first, len(plan.candidates.set_index)))
     if triples is not None:
         rows = joined_candidates(rows, _candidates_of(regions, plan, triples))
@@ -279,13 +281,13 @@ def contenders(task: Task, plan: SetPlan, triples: Triples | None, first: int = 
     spread = non_collinear(p_BC[slips])
     outcome[slips] = np.where(spread, CODE["not_force_closure"], CODE["collinear"])
     alive = np.flatnonzero(outcome == UNJUDGED)
-    apart = tips_are_apart(polyhedron, p_BC[alive], nhat_TB_B[alive], task.tip_radius)
+    apart = tips_are_apart(polyhedron, p_BC[alive], nhat_TB_B[alive], request.tip_radius)
     outcome[alive[~apart]] = CODE["tip_blocked"]
     distinct = 1 + (np.diff(np.sort(face, axis=1), axis=1) > 0).sum(axis=1)
     kind = np.where(distinct == 2, 2, rows.is_parallel)
     nhat_B, p_BP = _planes_of(p_BC, rows, LENGTH_TOLERANCE * polyhedron.diameter)
     seated = Candidates(rows.set_index, rows.region, rows.is_parallel, p_BC, nhat_B, p_BP, rows.q)
-    return Contenders(task, plan, seated, nhat_TB_B, mu, face, kind, outcome)
+    return Contenders(request, plan, seated, nhat_TB_B, mu, face, kind, outcome)
 
 
 def _planes_of(p_BC: Array, rows: Candidates, slack: float) -> tuple[Array, Array]:

@@ -14,7 +14,7 @@ from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.orientation import least_opposing_friction
 from drake_polygrasp.paper.reasons import REASONS, UNJUDGED, Method
 from drake_polygrasp.pipeline.judging import everything
-from drake_polygrasp.pipeline.request import make_task
+from drake_polygrasp.pipeline.request import make_request
 from drake_polygrasp.search.selection import Steps
 
 
@@ -47,20 +47,20 @@ def explain_sets(
     Sets that only the search beyond the paper finds a grasp for are certified too: all that
     `plan_grasps` certifies, however many grasps it is asked for.
     """
-    task = make_task(
+    request = make_request(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
-    work = everything(task, Steps())
+    work = everything(request, Steps())
     work.judge(np.flatnonzero(work.outcome == UNJUDGED))
     code = work.set_codes()
-    counts = task.counts(code)
-    sets, code = task.with_excluded(work.plan.sets, code)
+    counts = request.counts(code)
+    sets, code = request.with_excluded(work.plan.sets, code)
     # A pair's third region, -1, becomes face -1.
-    faces = np.append(task.every_face, -1)[sets]
+    faces = np.append(request.every_face, -1)[sets]
     return Explanation(
         frozen(faces, np.int64),
         [REASONS[c] for c in code],
         counts,
-        None if counts.get("certified") else least_opposing_friction(task.regions.nhat_TB_B),
-        task.excluded_faces,
+        None if counts.get("certified") else least_opposing_friction(request.regions.nhat_TB_B),
+        request.excluded_faces,
     )

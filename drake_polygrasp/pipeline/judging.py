@@ -13,7 +13,7 @@ from drake_polygrasp.paper.reasons import CODE, UNJUDGED
 from drake_polygrasp.pipeline.candidates import KINDS, Contenders
 from drake_polygrasp.pipeline.longer_search import completed, extended
 from drake_polygrasp.pipeline.proposals import constructed, enriched, quick
-from drake_polygrasp.pipeline.request import Task
+from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.search.effort import ANY_SETS, MORE_SETS, EffortName
 from drake_polygrasp.search.selection import Steps, tied
 from drake_polygrasp.wrenches.epsilon_estimate import epsilon_estimates
@@ -28,7 +28,7 @@ SPARE = 2
 
 
 def proved(
-    task: Task, steps: Steps, rank: Rank, top: int, effort: EffortName
+    request: PlanRequest, steps: Steps, rank: Rank, top: int, effort: EffortName
 ) -> tuple[Contenders, dict[int, Proof]]:
     """Proposes candidates and proves the best of them, until `top` sets of faces have a grasp.
 
@@ -38,20 +38,20 @@ def proved(
         All candidates, and the proofs of those that are found to hold.
     """
     if effort == "complete":
-        work = everything(task, steps)
+        work = everything(request, steps)
         return work, work.judge(np.flatnonzero(work.outcome == UNJUDGED))
-    if task.method == "paper" or rank != "epsilon":
-        work = constructed(task, steps)
+    if request.method == "paper" or rank != "epsilon":
+        work = constructed(request, steps)
         return work, _judged_by_quality(work, rank, top)
     if effort == "quick":
-        work, estimate = quick(task, top)
-        if task.object_.polyhedron.is_patch.any():  # there, seats turn normals
+        work, estimate = quick(request, top)
+        if request.object_.polyhedron.is_patch.any():  # there, seats turn normals
             estimate = _estimates(work)
         if proofs := _judged_by_estimate(work, estimate, top, {}):
             return work, proofs
-    work = enriched(task, steps)
+    work = enriched(request, steps)
     proofs = _judged_by_estimate(work, _estimates(work), top + SPARE, {})
-    longer = extended(task, steps, work)
+    longer = extended(request, steps, work)
     while len(work.sets_of(proofs)) < top:
         seen = len(work.plan.sets)
         more = next(longer, None) if seen < (MORE_SETS if proofs else ANY_SETS) else None
@@ -62,11 +62,11 @@ def proved(
     return work, proofs
 
 
-def everything(task: Task, steps: Steps) -> Contenders:
+def everything(request: PlanRequest, steps: Steps) -> Contenders:
     """All candidates that plans of any effort but quick have, and every set of faces."""
-    if task.method == "paper":
-        return constructed(task, steps)
-    return completed(task, steps, enriched(task, steps))
+    if request.method == "paper":
+        return constructed(request, steps)
+    return completed(request, steps, enriched(request, steps))
 
 
 def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proof]:
@@ -83,7 +83,7 @@ def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proo
 def _estimates(work: Contenders) -> Array:
     """Of epsilon of all rows that hold or may hold, 0 of others."""
     rows = np.flatnonzero(np.isin(work.outcome, (UNJUDGED, CODE["certified"])))
-    object_, estimate = work.task.object_, np.zeros(len(work.outcome))
+    object_, estimate = work.request.object_, np.zeros(len(work.outcome))
     estimate[rows] = epsilon_estimates(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
     return estimate
 

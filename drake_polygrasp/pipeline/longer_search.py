@@ -20,7 +20,7 @@ from drake_polygrasp.paper.orientation import sets_oppose
 from drake_polygrasp.paper.reasons import CODE, SetPlan, has_contacts
 from drake_polygrasp.pipeline.candidates import Contenders, contenders, joined_candidates
 from drake_polygrasp.pipeline.proposals import quick_points
-from drake_polygrasp.pipeline.request import Task
+from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.search.effort import ANY_SETS, CHUNKS, DENSE, FULL
 from drake_polygrasp.search.every_set import triples_on_each_set
 from drake_polygrasp.search.fingertip_room import with_tip_room
@@ -38,74 +38,76 @@ from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, jo
 from drake_polygrasp.wrenches.contacts import force_closure
 
 
-def extended(task: Task, steps: Steps, work: Contenders) -> Iterator[Contenders]:
+def extended(request: PlanRequest, steps: Steps, work: Contenders) -> Iterator[Contenders]:
     """Yields the candidates with more of them each time, until `ANY_SETS` sets have been seen.
 
     Candidates and sets keep their places, new ones follow them; the outcomes of those that were
     judged in between are kept.
 
     Args:
-        task: what to plan for.
+        request: what to plan for.
         steps: what is done beyond the paper; without the search, no denser points.
         work: the candidates so far.
     """
-    if steps.search and _may_hold_elsewhere(task, work):
-        work = _with_denser_points(task, steps, work)
+    if steps.search and _may_hold_elsewhere(request, work):
+        work = _with_denser_points(request, steps, work)
         yield work
-        work = _with_all_points(task, steps, work)
+        work = _with_all_points(request, steps, work)
         yield work
-    num_sets = task.num_allowed_sets
-    best = _best_known(task, work)
+    num_sets = request.num_allowed_sets
+    best = _best_known(request, work)
     for most in CHUNKS:
         if most < num_sets and len(work.plan.sets) < num_sets:
-            scale = task.object_.p_BBcm, task.object_.rho
+            scale = request.object_.p_BBcm, request.object_.rho
             sets = promising_sets(
-                task.regions, best, *scale, above=-np.inf, most=most, opposing=sets_oppose
+                request.regions, best, *scale, above=-np.inf, most=most, opposing=sets_oppose
             )
-            work = _with(task, steps, work, sets, NO_TRIPLES)
+            work = _with(request, steps, work, sets, NO_TRIPLES)
             yield work
     if len(work.plan.sets) < num_sets <= ANY_SETS:
-        yield _with(task, steps, work, task.every_set, NO_TRIPLES)
+        yield _with(request, steps, work, request.every_set, NO_TRIPLES)
 
 
-def completed(task: Task, steps: Steps, work: Contenders) -> Contenders:
+def completed(request: PlanRequest, steps: Steps, work: Contenders) -> Contenders:
     """The candidates, all that `extended` would add, and all sets however many.
 
     Raises UsageError when sets are more than `request.MOST_SETS`.
     """
-    task.require_countable()
-    if steps.search and _may_hold_elsewhere(task, work):
-        work = _with_denser_points(task, steps, work)
-        work = _with_all_points(task, steps, work)
-    return _with(task, steps, work, task.every_set, NO_TRIPLES)
+    request.require_countable()
+    if steps.search and _may_hold_elsewhere(request, work):
+        work = _with_denser_points(request, steps, work)
+        work = _with_all_points(request, steps, work)
+    return _with(request, steps, work, request.every_set, NO_TRIPLES)
 
 
-def _may_hold_elsewhere(task: Task, work: Contenders) -> bool:
+def _may_hold_elsewhere(request: PlanRequest, work: Contenders) -> bool:
     """Whether some set that is not certified has faces that can oppose each other."""
     code = work.set_codes()
     closed = np.isin(code, (CODE["certified"], CODE["orientation"]))
-    return len(code) < task.num_allowed_sets or not bool(closed.all())
+    return len(code) < request.num_allowed_sets or not bool(closed.all())
 
 
-def _with_denser_points(task: Task, steps: Steps, work: Contenders) -> Contenders:
-    triples = _denser_triples(task, steps)
+def _with_denser_points(request: PlanRequest, steps: Steps, work: Contenders) -> Contenders:
+    triples = _denser_triples(request, steps)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
-    return _with(task, steps, work, sets, triples)
+    return _with(request, steps, work, sets, triples)
 
 
-def _with_all_points(task: Task, steps: Steps, work: Contenders) -> Contenders:
+def _with_all_points(request: PlanRequest, steps: Steps, work: Contenders) -> Contenders:
     """With triples of few points on all sets whose faces may oppose each other."""
-    scale = task.object_.p_BBcm, task.object_.rho
-    points = quick_points(task)
-    triples = triples_on_each_set(task.regions, points, *scale, PLACES, sets_oppose)
+    scale = request.object_.p_BBcm, request.object_.rho
+    points = quick_points(request)
+    triples = triples_on_each_set(request.regions, points, *scale, PLACES, sets_oppose)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
-    return _with(task, steps, work, sets, triples)
+    return _with(request, steps, work, sets, triples)
 
 
-def _denser_triples(task: Task, steps: Steps) -> Triples:
+def _denser_triples(request: PlanRequest, steps: Steps) -> Triples:
     """Triples of denser points, at most `PLACES` on a set, and the best of them improved."""
-    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
-    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
+    regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
+    clear = with_tip_room(
+        regions, request.object_.polyhedron, request.tip_radius, request.obstacles
+    )
     points = sample_points(clear, num_points(len(regions.face), DENSE), may_exceed=True)
     found = best_triples(clear, points, *scale, DENSE)
     if not len(found.region):
@@ -116,23 +118,25 @@ def _denser_triples(task: Task, steps: Steps) -> Triples:
     return joined(better, best)
 
 
-def _best_known(task: Task, work: Contenders) -> Triples:
+def _best_known(request: PlanRequest, work: Contenders) -> Triples:
     """The candidates of force closure that are the best by estimate, with room for tips or not."""
     rows = np.flatnonzero(has_contacts(work.candidates.p_BC))
     rows = rows[force_closure(*work.contacts_of(rows))]
     triples = Triples(work.candidates.region[rows], work.candidates.p_BC[rows])
-    estimate = estimates(task.regions, triples, task.object_.p_BBcm, task.object_.rho)
+    estimate = estimates(request.regions, triples, request.object_.p_BBcm, request.object_.rho)
     return triples.take(best_first(estimate)[: FULL.sources])
 
 
-def _with(task: Task, steps: Steps, work: Contenders, sets: Ints, triples: Triples) -> Contenders:
+def _with(
+    request: PlanRequest, steps: Steps, work: Contenders, sets: Ints, triples: Triples
+) -> Contenders:
     """The candidates, what the paper's stages make of sets not among theirs, and triples."""
     old = work.plan
-    fresh = task.plan(steps, with_sets(old.sets, sets)[len(old.sets) :])
+    fresh = request.plan(steps, with_sets(old.sets, sets)[len(old.sets) :])
     shifted = replace(fresh.candidates, set_index=fresh.candidates.set_index + len(old.sets))
     plan = SetPlan(
         np.concatenate([old.sets, fresh.sets]),
         np.concatenate([old.code, fresh.code]),
         joined_candidates(old.candidates, shifted),
     )
-    return work.followed_by(contenders(task, plan, triples, len(old.candidates.set_index)))
+    return work.followed_by(contenders(request, plan, triples, len(old.candidates.set_index)))

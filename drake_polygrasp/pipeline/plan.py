@@ -18,7 +18,7 @@ from drake_polygrasp.paper.orientation import least_opposing_friction
 from drake_polygrasp.paper.reasons import Method
 from drake_polygrasp.pipeline.judging import Rank, proved
 from drake_polygrasp.pipeline.ranking import certified_best, ranked_candidates
-from drake_polygrasp.pipeline.request import make_task
+from drake_polygrasp.pipeline.request import make_request
 from drake_polygrasp.search.effort import EffortName
 from drake_polygrasp.search.selection import Steps
 
@@ -127,20 +127,20 @@ def plan_grasps(
             "effort 'quick' is for all steps of 'enriched', ranked by epsilon; leave out method, "
             "rank and steps, or effort"
         )
-    task = make_task(
+    request = make_request(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
-    work, proofs = proved(task, steps or Steps(), rank, top, effort)
+    work, proofs = proved(request, steps or Steps(), rank, top, effort)
     order = ranked_candidates(work, proofs, rank)
     planned = perf_counter()
     grasps = certified_best(work, proofs, order, rank, top)
     certified = perf_counter()
     return GraspPlan(
         grasps,
-        task.num_sets,
-        task.counts(work.set_codes()),
+        request.num_sets,
+        request.counts(work.set_codes()),
         {"plan": planned - start, "certify": certified - planned},
-        task.settings | {"rank": rank, "top": top, "effort": effort},
-        None if grasps else least_opposing_friction(task.regions.nhat_TB_B),
-        task.excluded_faces,
+        request.settings | {"rank": rank, "top": top, "effort": effort},
+        None if grasps else least_opposing_friction(request.regions.nhat_TB_B),
+        request.excluded_faces,
     )

@@ -1,4 +1,4 @@
-"""Candidate grasps of a task: the paper's, and those beyond it, before any is proved."""
+"""Candidate grasps of a request: the paper's, and those beyond it, before any is proved."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.paper.orientation import sets_oppose
 from drake_polygrasp.paper.reasons import SetPlan, has_contacts, unplanned
 from drake_polygrasp.pipeline.candidates import Contenders, contenders, fits, is_clear
-from drake_polygrasp.pipeline.request import Task
+from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.search.effort import FULL, QUICK
 from drake_polygrasp.search.face_support import points_on
 from drake_polygrasp.search.fingertip_room import with_tip_room
@@ -48,17 +48,19 @@ RESERVE = 3
 """Times one more than the grasps wanted, ours: triples that stay as they were found."""
 
 
-def constructed(task: Task, steps: Steps) -> Contenders:
+def constructed(request: PlanRequest, steps: Steps) -> Contenders:
     """The paper's stages on every set."""
-    return contenders(task, task.plan(steps), None)
+    return contenders(request, request.plan(steps), None)
 
 
-def enriched(task: Task, steps: Steps) -> Contenders:
+def enriched(request: PlanRequest, steps: Steps) -> Contenders:
     """The paper's constructions, triples of sample points, and the best of both improved."""
-    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
     if not (steps.search or steps.improve):
-        return constructed(task, steps)
-    clear = with_tip_room(regions, task.object_.polyhedron, task.tip_radius, task.obstacles)
+        return constructed(request, steps)
+    clear = with_tip_room(
+        regions, request.object_.polyhedron, request.tip_radius, request.obstacles
+    )
     found, chosen = NO_TRIPLES, None
     if steps.search:
         points = sample_points(clear, num_points(len(regions.face), FULL), may_exceed=True)
@@ -66,11 +68,11 @@ def enriched(task: Task, steps: Steps) -> Contenders:
         if len(regions.face) > MANY_REGIONS:
             found, chosen = _chosen(found)
             if len(chosen) < CHOSEN_SETS:
-                chosen = with_sets(chosen, _promising(task, found))
-    plan = task.plan(steps, chosen)
+                chosen = with_sets(chosen, _promising(request, found))
+    plan = request.plan(steps, chosen)
     triples = joined(_known(clear, plan), found)
     better = improved_triples(clear, triples, *scale) if steps.improve else found
-    return contenders(task, plan, better)
+    return contenders(request, plan, better)
 
 
 def _chosen(found: Triples) -> tuple[Triples, Ints]:
@@ -80,9 +82,9 @@ def _chosen(found: Triples) -> tuple[Triples, Ints]:
     return found.take(np.isin(number, number[first])), sets_of(found.region[first])
 
 
-def _promising(task: Task, found: Triples) -> Ints:
+def _promising(request: PlanRequest, found: Triples) -> Ints:
     """Sets that may have a better grasp than those found, best bound first."""
-    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
+    regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
     estimate = estimates(regions, found, *scale)
     best = found.take(best_first(estimate)[: FULL.sources])
     return promising_sets(
@@ -95,7 +97,7 @@ def _promising(task: Task, found: Triples) -> Ints:
     )
 
 
-def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
+def quick(request: PlanRequest, wanted: int) -> tuple[Contenders, Array]:
     """Triples of sample points, and the best of them a little improved; and estimates of epsilon.
 
     These are of contacts on the planes of faces, before they are moved to the true surface.
@@ -103,8 +105,8 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
     Where improvement then leads into a corner, or so far that a grasp does not hold, the
     triples themselves remain.
     """
-    regions, scale = task.regions, (task.object_.p_BBcm, task.object_.rho)
-    points = quick_points(task)
+    regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
+    points = quick_points(request)
     # Few triples are of few sets.
     times = 1 + wanted // 2
     rounds = tuple(times * num for num in QUICK.rounds)
@@ -117,21 +119,21 @@ def quick(task: Task, wanted: int) -> tuple[Contenders, Array]:
     p_BC, risen = improved(regions, starts.region, starts.p_BC, *scale, effort.rounds)
     triples = joined(Triples(starts.region, p_BC), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
-    return contenders(task, unplanned(sets), triples), np.concatenate([risen, estimate])
+    return contenders(request, unplanned(sets), triples), np.concatenate([risen, estimate])
 
 
-def quick_points(task: Task) -> tuple[Ints, Array]:
+def quick_points(request: PlanRequest) -> tuple[Ints, Array]:
     """A few sample points, their regions (N,) and their coordinates in these (N, 2) [m].
 
     Those on flat faces without room for tips are left out, which costs less than cutting regions.
     """
-    regions = task.regions
+    regions = request.regions
     region, p_FC = sample_points(regions, num_points(len(regions.face), QUICK))
     # The surface of a patch is not where its plane is.
-    flat = np.flatnonzero(~task.object_.polyhedron.is_patch[regions.face[region]])
+    flat = np.flatnonzero(~request.object_.polyhedron.is_patch[regions.face[region]])
     contacts = points_on(regions, region[flat], p_FC[flat]), regions.nhat_TB_B[region[flat]]
     has_room = np.ones(len(region), dtype=bool)
-    has_room[flat] = fits(task, *contacts) & is_clear(task, *contacts)
+    has_room[flat] = fits(request, *contacts) & is_clear(request, *contacts)
     return region[has_room], p_FC[has_room]
 
 

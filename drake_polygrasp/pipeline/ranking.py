@@ -34,7 +34,7 @@ def ranked_candidates(work: Contenders, proofs: dict[int, Proof], rank: Rank) ->
     elif rank == "margin" or len(rows) == 1:  # one alone needs no score
         score = margin
     else:
-        object_ = work.task.object_
+        object_ = work.request.object_
         score = epsilon_upper_bound(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
     entries = sorted(
         _Ranked(-round(float(s), 9), -round(float(m), 9), tuple(work.face[row].tolist()), int(row))

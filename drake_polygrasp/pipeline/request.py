@@ -37,7 +37,7 @@ many."""
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class PlanRequest:
     """What to plan for, checked."""
 
     object_: GraspObject
@@ -119,7 +119,7 @@ class Task:
         )
 
 
-def make_task(
+def make_request(
     object_: GraspObject,
     method: Method,
     edge_clearance: float | None,
@@ -127,8 +127,8 @@ def make_task(
     avoid_directions: Iterable[npt.ArrayLike],
     exclude_faces: Iterable[int],
     obstacles: Obstacles | None,
-) -> Task:
-    """The task that `plan_grasps` is given; see there.
+) -> PlanRequest:
+    """The request that `plan_grasps` is given; see there.
 
     Raises UsageError when a parameter is not what it may be.
     """
@@ -162,7 +162,7 @@ def make_task(
         settings["obstacles"] = obstacles.names
     regions = erode(object_.polyhedron, edge_clearance)
     kept = ~excluded.avoids(regions.nhat_TB_B, regions.face)
-    return Task(
+    return PlanRequest(
         object_,
         method,
         regions.face,

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_polygrasp.cli.calls import child_task
-from drake_polygrasp.cli.child_process import Task, call_in_child
+from drake_polygrasp.cli.calls import child_limits
+from drake_polygrasp.cli.child_process import ChildLimits, call_in_child
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.mesh_file import MAX_TRIANGLES
 from tests.support.fuzz import CUBE_OBJ, run, warm_up
@@ -310,7 +310,9 @@ def test_a_file_beyond_measure_is_not_read(tmp_path: Path) -> None:
 def test_time_memory_and_crashes_are_contained(function: str) -> None:
     start = time.perf_counter()
     with pytest.raises(ModelError, match=EXPECTED[function]):
-        call_in_child(f"tests.cli.test_bad_input:{function}", 60, task=Task("trying x.sdf", 2.0))
+        call_in_child(
+            f"tests.cli.test_bad_input:{function}", 60, limits=ChildLimits("trying x.sdf", 2.0)
+        )
     assert time.perf_counter() - start < 30
 
 
@@ -348,13 +350,13 @@ def crash(_: float) -> None:
 def test_progress_is_shown_on_terminals_only(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call_in_child("tests.cli.test_bad_input:sleep", 1.2, task=Task("sleeping"))
+    call_in_child("tests.cli.test_bad_input:sleep", 1.2, limits=ChildLimits("sleeping"))
     assert capsys.readouterr().err == ""
     isatty: Callable[[], bool] = lambda: True  # noqa: E731
     monkeypatch.setattr(sys.stderr, "isatty", isatty)
-    call_in_child("tests.cli.test_bad_input:sleep", 0.1, task=Task("sleeping"))
+    call_in_child("tests.cli.test_bad_input:sleep", 0.1, limits=ChildLimits("sleeping"))
     assert capsys.readouterr().err == ""
-    call_in_child("tests.cli.test_bad_input:sleep", 1.2, task=Task("sleeping"))
+    call_in_child("tests.cli.test_bad_input:sleep", 1.2, limits=ChildLimits("sleeping"))
     assert capsys.readouterr().err == "\rsleeping ... 1 s\x1b[K\r\x1b[K"
 
 
@@ -363,14 +365,14 @@ def test_progress_that_is_counted_comes_from_the_child(
 ) -> None:
     isatty: Callable[[], bool] = lambda: True  # noqa: E731
     monkeypatch.setattr(sys.stderr, "isatty", isatty)
-    counting = Task("counting", unit="sheep")
-    value, _ = call_in_child("tests.cli.test_bad_input:count_sheep", 12, task=counting)
+    counting = ChildLimits("counting", unit="sheep")
+    value, _ = call_in_child("tests.cli.test_bad_input:count_sheep", 12, limits=counting)
     assert value == 12
     said = capsys.readouterr().err
     assert re.match(r"\rcounting \.\.\. \d+ of 12 sheep, \d s\x1b\[K", said), said
     assert said.endswith("\r\x1b[K")
-    quiet = Task("counting", unit="sheep", quiet=True)
-    call_in_child("tests.cli.test_bad_input:count_sheep", 12, task=quiet)
+    quiet = ChildLimits("counting", unit="sheep", quiet=True)
+    call_in_child("tests.cli.test_bad_input:count_sheep", 12, limits=quiet)
     assert capsys.readouterr().err == ""
 
 
@@ -378,10 +380,10 @@ def test_who_reads_json_through_a_pipe_is_told_no_progress(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     machine, person = Namespace(json=True), Namespace(json=False)
-    assert child_task(machine, "planning").quiet
-    assert not child_task(person, "planning").quiet
+    assert child_limits(machine, "planning").quiet
+    assert not child_limits(person, "planning").quiet
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    assert not child_task(machine, "planning").quiet
+    assert not child_limits(machine, "planning").quiet
 
 
 def count_sheep(number: int, progress: Callable[[int, int], None]) -> int:
@@ -393,11 +395,11 @@ def count_sheep(number: int, progress: Callable[[int, int], None]) -> int:
 
 def test_a_child_that_gives_word_of_itself_is_not_stopped() -> None:
     """The time allowed is from one word on progress to the next."""
-    patient = Task("counting", seconds=2.0, unit="sheep")
-    assert call_in_child("tests.cli.test_bad_input:count_sheep", 25, task=patient)[0] == 25
-    hasty = Task("counting", seconds=0.05, unit="sheep")
+    patient = ChildLimits("counting", seconds=2.0, unit="sheep")
+    assert call_in_child("tests.cli.test_bad_input:count_sheep", 25, limits=patient)[0] == 25
+    hasty = ChildLimits("counting", seconds=0.05, unit="sheep")
     with pytest.raises(ModelError, match=r"stopped after 0\.05 s"):
-        call_in_child("tests.cli.test_bad_input:count_sheep", 25, task=hasty)
+        call_in_child("tests.cli.test_bad_input:count_sheep", 25, limits=hasty)
 
 
 def test_what_cannot_be_pickled_is_still_an_error() -> None:

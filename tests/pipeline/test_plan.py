@@ -57,8 +57,8 @@ def plan(name: str, how: str = "all") -> GraspPlan:
     return plan_grasps(OBJECTS[name], steps=STEPS[how])
 
 
-def task_of(object_: GraspObject) -> request.Task:
-    return request.make_task(object_, "enriched", None, None, (), (), None)
+def request_of(object_: GraspObject) -> request.PlanRequest:
+    return request.make_request(object_, "enriched", None, None, (), (), None)
 
 
 def best(plan_: GraspPlan) -> float:
@@ -231,7 +231,7 @@ def test_a_quick_grasp_keeps_out_of_corners_that_improvement_leads_into(
 def test_where_a_quick_search_finds_none_the_full_one_follows(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    nothing = contenders(task_of(cube()), unplanned(np.array([[0, 1, 2]])), proposals.NO_TRIPLES)
+    nothing = contenders(request_of(cube()), unplanned(np.array([[0, 1, 2]])), proposals.NO_TRIPLES)
     monkeypatch.setattr(judging, "quick", lambda *_: (nothing, np.empty(0)))
     found, full = plan_grasps(cube(), effort="quick"), plan("cube")
     assert found.reasons == full.reasons
@@ -242,7 +242,7 @@ def test_where_a_quick_search_finds_none_the_full_one_follows(
 def test_quick_bounds_are_those_of_the_contacts_that_are_judged() -> None:
     """On flat faces, where the planes of faces are the true surface."""
     object_ = cube()
-    work, bound = proposals.quick(task_of(object_), 3)
+    work, bound = proposals.quick(request_of(object_), 3)
     anew = epsilon_upper_bound(*work.contacts, object_.p_BBcm, object_.rho, COARSE_TURNS)
     assert len(bound) == len(anew) > 3
     assert bound == pytest.approx(anew, rel=1e-4)
