@@ -6,9 +6,11 @@ looks at more than a few numbers: results of hot loops are not arguments.
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import reprlib
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
@@ -42,7 +44,10 @@ def check_number(
         value = value.item()
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
         raise refuse(name, value, demand)
-    number = float(value)
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number beyond all floats
+        raise refuse(name, value, demand) from None
     if not (math.isfinite(number) and least <= number <= most and number > above):
         raise refuse(name, value, demand)
     return number
@@ -59,7 +64,7 @@ def check_count(name: str, value: object) -> int:
         raise refuse(name, value, "a whole number and at least 1")
     if int(value) < 1:
         raise UsageError(f"{name} is {int(value)}; it must be at least 1")
-    return int(value)
+    return min(int(value), sys.maxsize)
 
 
 def check_choice(name: str, value: object, choices: Sequence[str]) -> str:
@@ -89,6 +94,11 @@ def check_path(name: str, value: object) -> str | Path:
         raise refuse(name, value, "a path, as text or pathlib.Path")
     if "\0" in str(value):
         raise refuse(name, value, "a path, in which there are no null characters")
+    try:
+        Path(value).stat()
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise refuse(name, str(value), "a path no longer than the system takes") from error
     return value
 
 

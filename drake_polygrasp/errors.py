@@ -19,3 +19,8 @@ class GraspFileError(PolygraspError):
 
 class UsageError(PolygraspError):
     """A parameter is outside what it may be."""
+
+
+def with_remedy(reason: object, remedy: str) -> str:
+    """Returns a reason and what mends it, where the reason does not say so after a semicolon."""
+    return str(reason) if "; " in str(reason) else f"{reason}; {remedy}"

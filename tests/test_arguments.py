@@ -53,6 +53,7 @@ class Unprintable:
 WRONG: dict[str, Any] = {
     "None": None,
     "an integer": 3,
+    "an enormous integer": 10**400,
     "zero": 0,
     "a negative number": -1.5,
     "NaN": math.nan,
@@ -60,6 +61,7 @@ WRONG: dict[str, Any] = {
     "True": True,
     "text": "0.5",
     "no text": "",
+    "a long text": "x" * 5000,
     "a null character": "a\0b",
     "bytes": b"cube.sdf",
     "a list": [],
@@ -194,6 +196,8 @@ def test_whatever_is_wrong_with_an_argument_is_one_line_of_ours(
     call.function(**call.arguments)
     for argument in call.arguments:
         for kind, value in WRONG.items():
+            if argument == "nodes" and kind == "an enormous integer":
+                continue  # It is a fine number of nodes, and takes as long.
             try:
                 call.function(**call.arguments | {argument: value})
             except PolygraspError as error:
@@ -246,6 +250,13 @@ def test_messages_say_what_the_argument_is_and_must_be(call: Callable[[], Any], 
     with pytest.raises(UsageError) as caught:
         call()
     assert said in str(caught.value)
+
+
+def test_what_is_of_the_model_file_is_refused_without_one() -> None:
+    with pytest.raises(UsageError, match="scale is of model_file"):
+        object_from_plant(*world(CUBE).asked, scale=2.0)
+    with pytest.raises(UsageError, match="packages is 3"):
+        object_from_plant(*world(CUBE).asked, packages=3)  # type: ignore[arg-type]
 
 
 def test_a_body_may_be_given_by_its_name_or_index() -> None:

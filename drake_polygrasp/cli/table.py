@@ -17,7 +17,10 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows as lines: columns of numbers stand on the right, text on the left."""
     columns = list(zip(*rows, strict=True))
     widths = [max(map(len, column)) for column in columns]
-    numeric = [not column[-1][:1].isalpha() and "," not in column[-1] for column in columns]
+    numeric = [
+        "," not in column[-1] and not any(cell[:1].isalpha() for cell in column[1:])
+        for column in columns
+    ]
     return [
         "  ".join(
             cell.rjust(width) if right else cell.ljust(width)

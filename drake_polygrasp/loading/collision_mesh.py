@@ -28,7 +28,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 
 from drake_polygrasp.arrays import Array, Ints, frozen
-from drake_polygrasp.errors import ModelError
+from drake_polygrasp.errors import ModelError, with_remedy
 from drake_polygrasp.geometry.face_triangles import faces_cut_wrongly, triangulate
 from drake_polygrasp.geometry.shells import faces_inward
 from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
@@ -80,7 +80,7 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
         try:
             triangles = _with_whole_faces(content, shape, name, vertices, triangles, warnings)
         except ValueError as error:
-            raise ModelError(f"{name}: {error}; repair the mesh") from error
+            raise ModelError(f"{name}: {with_remedy(error, 'repair the mesh')}") from error
     triangles = _outward(name, vertices, triangles, warnings)
     num_spare = len(vertices) - len(np.unique(triangles))
     if num_spare:
@@ -154,8 +154,8 @@ def _with_whole_faces(
         except ValueError as error:
             raise ValueError(f"face {k + 1}: {error}") from error
     warnings.append(
-        f"{name}: Drake cuts concave faces of it into triangles that do not tile them; they are "
-        "cut rightly here, but not in your own plant: export triangles"
+        f"{name}: Drake divides its concave faces into wrong triangles; grasps are planned on the "
+        "faces as the file means them, but your own plant has other ones: export triangles"
     )
     return np.concatenate(kept)
 
@@ -172,8 +172,8 @@ def _outward(name: str, vertices: Array, triangles: Ints, warnings: list[str]) -
         else f"{inward.sum()} of its {len(inward)} triangles face inward"
     )
     warnings.append(
-        f"{name}: {which}; they are turned here, but in your own plant Drake takes inside for "
-        "outside there: reverse the faces in the file"
+        f"{name}: {which}; grasps are planned with them turned outward, but your own plant takes "
+        "the inside for the outside there: reverse the faces in the file"
     )
     return np.where(inward[:, None], triangles[:, ::-1], triangles)
 

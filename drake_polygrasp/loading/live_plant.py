@@ -27,7 +27,7 @@ def find_body(plant: MultibodyPlant, body: RigidBody | BodyIndex | str) -> Rigid
             return bodies[int(body)]
         raise UsageError(f"body index {int(body)} is none of the plant's {len(bodies)} bodies")
     if not isinstance(body, str):
-        raise refuse("body", body, "a body of the plant, or its index or name")
+        raise refuse("body", body, "a body of the plant, its BodyIndex or its name")
     named = [b for b in bodies if body in (b.name(), str(b.scoped_name()))]
     if len(named) == 1:
         return named[0]

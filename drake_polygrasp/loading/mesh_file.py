@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.errors import ModelError
+from drake_polygrasp.errors import ModelError, with_remedy
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.gltf_file import gltf_positions
 from drake_polygrasp.loading.numbers import floats, integers
@@ -41,7 +41,7 @@ def check_mesh_file(mesh_file: Path) -> None:
         else:
             (_check_obj if suffix == ".obj" else _check_vtk)(content)
     except ValueError as error:
-        raise ModelError(f"{mesh_file}: {error}; repair the mesh") from error
+        raise ModelError(f"{mesh_file}: {with_remedy(error, 'repair the mesh')}") from error
 
 
 def _check_obj(content: bytes) -> None:

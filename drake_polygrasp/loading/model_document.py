@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import yaml
 from pydrake.multibody.parsing import LoadModelDirectives
 
-from drake_polygrasp.errors import ModelError
+from drake_polygrasp.errors import ModelError, with_remedy
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.xml_reader import parse_xml
 
@@ -78,7 +78,8 @@ def read_xml(path: Path, tag: str | None = None) -> Element:
     try:
         elements = parse_xml(content)
     except ValueError as error:
-        raise ModelError(f"{path}: cannot be read as XML: {error}; mend it there") from error
+        reason = with_remedy(error, "mend it there")
+        raise ModelError(f"{path}: cannot be read as XML: {reason}") from error
     if not elements:
         raise ModelError(f"{path}: cannot be read as XML: it has no element; mend it there")
     return next((element for element in elements if element.tag == tag), elements[0])

@@ -130,7 +130,9 @@ class _Reader:
             path = path / _newest(read_xml(config, "model"))
         if path.resolve() in including:
             raise ModelError(f"{path}: includes itself; break the circle")
-        if path.exists() and not path.name.lower().endswith(SUFFIXES):
+        if not path.name.lower().endswith(SUFFIXES):
+            if not path.exists():
+                raise ModelError(f"{path}: there is no such model file; mend the path")
             raise ModelError(f"{path}: Drake reads {', '.join(SUFFIXES)}, not this; convert it")
         suffix = path.suffix.lower()
         if suffix != ".sdf" or folder is None:

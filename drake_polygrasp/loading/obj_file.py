@@ -42,8 +42,8 @@ def read_obj(content: bytes) -> ObjFile:
     if continued := _CONTINUED.search(content):
         line = content.count(b"\n", 0, continued.start()) + 1
         raise ValueError(
-            f"line {line} is continued on the next by '\\', as Rhino writes long lines, which "
-            "Drake does not read; export triangles, or join the lines"
+            f"line {line} is continued on the next by '\\', as Rhino writes long lines, and "
+            "Drake does not read that; export triangles, or join the lines"
         )
     records = _RECORDS.findall(content)
     coordinates = [line.split()[:3] for kind, line in records if kind == b"v"]

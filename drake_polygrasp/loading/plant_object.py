@@ -13,9 +13,15 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context
 
-from drake_polygrasp.arguments import check_flag, check_path, check_paths, check_text
+from drake_polygrasp.arguments import (
+    check_flag,
+    check_packages,
+    check_path,
+    check_paths,
+    check_text,
+)
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.errors import ModelError
+from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.patches import check_tolerances
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive
@@ -99,6 +105,9 @@ def object_from_plant(
         check_path("model_file", model_file)
     if body_name is not None:
         check_text("body_name", body_name)
+    check_packages("packages", packages)
+    if scale is not None and model_file is None:
+        raise UsageError("scale is of model_file: give that, or leave scale out")
     group = find_group(plant, body, context)
     colliders = group.colliders(plant, inspector)
     if not colliders:

@@ -135,21 +135,24 @@ def load_surroundings(
     with blaming(scene_file):
         context = plant.GetMyContextFromRoot(builder.Build().CreateDefaultContext())
     body = parsed.group.body
-    # That it is the object: the same surface, mass, and at least the friction.
-    object_from_plant(
-        plant,
-        body,
-        context,
-        model_file=source.model_file,
-        body_name=full_name,
-        mu=mu,
-        package_paths=package_paths,
-        packages=packages,
-        patch_angle=source.patch_angle,
-        patch_depth=source.patch_depth,
-        joints_free=source.joints_free,
-        scale=source.scale,
-    )
+    try:
+        # That it is the object: the same surface, mass, and at least the friction.
+        object_from_plant(
+            plant,
+            body,
+            context,
+            model_file=source.model_file,
+            body_name=full_name,
+            mu=mu,
+            package_paths=package_paths,
+            packages=packages,
+            patch_angle=source.patch_angle,
+            patch_depth=source.patch_depth,
+            joints_free=source.joints_free,
+            scale=source.scale,
+        )
+    except ModelError as error:
+        raise ModelError(f"{scene_file} holds another object: {error}") from error
     # Links on its own joints belong to the object, which may be planned without them.
     own = [cover.geometry for cover in parsed.group.covers(plant, scene_graph.model_inspector())]
     around = surroundings_from_plant(plant, body, context, ignore=own)

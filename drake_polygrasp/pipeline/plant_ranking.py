@@ -38,7 +38,8 @@ def rank_in_plant(
     Args:
         object_: what the plan is for, loaded from a file.
         plan: from `plan_grasps`: its grasps are asked about in their order.
-        top: how many grasps that hold are enough (default: all of the plan's are asked about).
+        top: how many grasps that hold are enough (default: all of the plan's are asked about). So
+            many are, too, where all are undecided for one reason, such as a model without a mass.
         package_paths: folders searched for the packages of package:// URIs.
         packages: folders of packages by name.
         surroundings: other bodies of the user's scene, as of `certify_in_plant`.
@@ -63,7 +64,7 @@ def rank_in_plant(
     start, tell = perf_counter(), progress or no_progress
     asked: list[tuple[Verdict, CertifiedGrasp]] = []
     for grasp in plan.grasps:
-        if sum(verdict is Verdict.HOLDS for verdict, _ in asked) >= wanted:
+        if _are_enough([grasp.plant for _, grasp in asked], wanted):
             break
         tell(len(asked), len(plan.grasps))
         report = certify_in_plant(
@@ -82,3 +83,13 @@ def rank_in_plant(
         seconds=plan.seconds | {"plant": perf_counter() - start},
         settings=plan.settings | {"top_in_plant": wanted},
     )
+
+
+def _are_enough(records: Sequence[PlantRecord | None], wanted: int) -> bool:
+    """Whether enough grasps hold, or so many are undecided for one reason that others will be."""
+    found = [record for record in records if record is not None]
+    if sum(record.holds for record in found) >= wanted:
+        return True
+    reasons = {tuple(verdict.reason for verdict in record.verdicts) for record in found}
+    undecided = all(record.verdict is Verdict.UNDECIDED for record in found)
+    return undecided and len(found) >= wanted and len(reasons) == 1

@@ -201,7 +201,9 @@ def _geometry(scene: Scene, surroundings: Surroundings) -> PlantVerdict:
     if isinstance(clear, Refusal):
         return _undecided("geometry", "m", clear)
     reason = f"measured on triangles, for Drake refuses: {fit.refusal}" if fit.refusal else ""
-    faults = *fit.faults, *clear.faults
+    faults = fit.faults + clear.faults
+    if clear.margin < fit.margin:  # The first is of what the margin is of.
+        faults = clear.faults + fit.faults
     reason = faults[0] if faults else reason
     margin = min(fit.margin, clear.margin)
     return PlantVerdict("geometry", _verdict(not faults), margin, "m", reason)

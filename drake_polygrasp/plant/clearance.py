@@ -17,7 +17,7 @@ class Clearance(NamedTuple):
     margin: float
     """What the deepest penetration leaves of its tolerance [m]; infinite if nothing is near."""
     faults: tuple[str, ...]
-    """Which fingertip penetrates what, and by how much."""
+    """Which fingertip penetrates what, and by how much; the deepest first."""
 
 
 def check_clearance(scene: Scene, surroundings: Surroundings) -> Clearance:
@@ -30,12 +30,13 @@ def check_clearance(scene: Scene, surroundings: Surroundings) -> Clearance:
         RuntimeError: when Drake takes a shape for no geometry, or SystemExit where it asserts so.
     """
     tolerance = 2 * FLATNESS * scene.object_.polyhedron.diameter
-    margin, faults = math.inf, []
+    margin, faults = math.inf, list[tuple[float, str]]()
     for name, shape, X_BG in (*scene.solid.covers, *surroundings.parts):
         surface = SurfaceDistance([(shape, X_BG)])
         for i, p_BT in enumerate(scene.p_BT, start=1):
             depth = scene.tip_radius - surface.nearest(p_BT).distance
             margin = min(margin, tolerance - depth)
             if depth > tolerance:
-                faults.append(f"fingertip {i} penetrates '{name}' by {depth:.2g} m")
-    return Clearance(margin, tuple(faults))
+                faults.append((depth, f"fingertip {i} penetrates '{name}' by {depth:.2g} m"))
+    faults.sort(key=lambda fault: -fault[0])
+    return Clearance(margin, tuple(said for _, said in faults))

@@ -35,7 +35,7 @@ class Fit(NamedTuple):
     margin: float
     """What the worst distance leaves of its tolerance [m]."""
     faults: tuple[str, ...]
-    """What is wrong; nothing where the grasp fits."""
+    """What is wrong, of distances the worst first; nothing where the grasp fits."""
     refusal: str = ""
     """Why Drake did not measure a distance, which was then measured on triangles."""
 
@@ -50,10 +50,10 @@ def check_geometry(scene: Scene) -> Fit:
     """
     surface = SurfaceDistance(scene.solid.parts)
     tolerance = ON_SURFACE * scene.object_.polyhedron.diameter
-    distances = list(_distances(scene, surface))
+    distances = sorted(_distances(scene, surface), key=lambda distance: -distance[0])
     faults = [*_facet_faults(scene), *_friction_faults(scene)]
     faults += [f"{fault} by {off:.2g} m" for off, fault in distances if off > tolerance]
-    return Fit(tolerance - max(off for off, _ in distances), tuple(faults), surface.refusal)
+    return Fit(tolerance - distances[0][0], tuple(faults), surface.refusal)
 
 
 def _facet_faults(scene: Scene) -> Iterator[str]:

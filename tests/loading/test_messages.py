@@ -87,6 +87,7 @@ def test_links_that_state_no_friction_are_named_in_one_line(tmp_path: Path) -> N
         ("a.sdf", sdf(SDF_BOX).replace(' version="1.9"', ""), "its <sdf> states no version; write"),
         ("a.sdf", sdf(CONE), "Drake says: line 1: Ignoring unsupported SDFormat element"),
         ("a.sdf", sdf(SDF_BOX, NEGATIVE), "(The value [-1] is less than the minimum allowed value"),
+        ("a.obj", CUBE_OBJ.replace("f ", "f \\\n", 1), "export triangles, or join the lines"),
         ("a/b.txt", "", "is a folder without a model.config; name a model in it"),
         ("a.urdf", urdf('<mesh filename="package://p/b.obj"/>'), "package://p/b.obj: package 'p'"),
     ],
@@ -101,6 +102,7 @@ def test_what_cannot_be_read_is_named_and_so_is_the_reason(
     assert str(raised.value).startswith(f"{path}: ")
     assert said in str(raised.value)
     assert str(raised.value).count(str(path)) == 1
+    assert "; repair the mesh" not in str(raised.value)
 
 
 def test_a_model_whose_package_is_unknown_is_not_checked_and_not_false(tmp_path: Path) -> None:

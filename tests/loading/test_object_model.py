@@ -316,6 +316,12 @@ def test_missing_and_foreign_files_are_named(tmp_path: Path, write: Write) -> No
         load_object(tmp_path / "l.obj", package_paths=[tmp_path / "gone"])
 
 
+@pytest.mark.parametrize("name", ["gone", "gone.txt", "0.5", "gone.yaml", "gone.urdf"])
+def test_a_missing_file_is_said_to_be_missing_whatever_its_name(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ModelError, match="there is no such model file"):
+        load_object(tmp_path / name)
+
+
 @pytest.mark.parametrize("mu", [0.0, -1.0, float("nan"), float("inf")])
 def test_friction_given_by_hand_must_be_above_0(mu: float, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="must be above 0"):

@@ -44,10 +44,10 @@ def report(surroundings: Surroundings | None) -> PlantReport:
     return certify_in_plant(model("cube"), cube_grasp(), tip_radius=TIP, surroundings=surroundings)
 
 
-def wall(gap: float) -> Furnish:
+def wall(gap: float, name: str = "wall") -> Furnish:
     """A body whose face is parallel to the cube's x = 0.03, at a gap [m] from it."""
     X_BG = RigidTransform([0.03 + gap + 0.1, 0.0, 0.0])
-    return welded("wall", Box(0.2, 0.2, 0.2), X_WB @ X_BG)
+    return welded(name, Box(0.2, 0.2, 0.2), X_WB @ X_BG)
 
 
 def test_a_tip_penetrates_a_wall_by_what_is_left_of_its_diameter() -> None:
@@ -59,6 +59,13 @@ def test_a_tip_penetrates_a_wall_by_what_is_left_of_its_diameter() -> None:
     assert geometry.margin == pytest.approx(-0.5 * TIP, abs=1e-5)
     assert refused.settings["surroundings"] == ("wall::wall",)
     assert refused.settings["surroundings_used_in"] == "geometry"
+
+
+def test_what_is_said_is_the_deepest_penetration() -> None:
+    """Two walls that leave fingertip 1 3 and 2 mm of its 4, the worse one last."""
+    geometry = report(around(wall(1.5 * TIP), wall(1.0 * TIP, "nearer"))).verdicts[2]
+    assert geometry.reason == "fingertip 1 penetrates 'nearer::nearer' by 0.002 m"
+    assert geometry.margin == pytest.approx(-1.0 * TIP, abs=1e-5)
 
 
 def test_a_wall_that_leaves_room_changes_no_verdict() -> None:
@@ -167,7 +174,7 @@ def test_a_scene_with_another_solid_of_that_name_is_refused(tmp_path: Path) -> N
     directives = scene(tmp_path, 0.6)
     text = CUBE.read_text().replace("0.06 0.06 0.06", "0.06 0.06 0.08")
     (tmp_path / "cube.sdf").write_text(text)
-    with pytest.raises(ModelError, match="the collision geometry differs"):
+    with pytest.raises(ModelError, match=r"scene\S+ holds another object: .* geometry differs"):
         load_surroundings(directives, model("cube"))
 
 

@@ -69,6 +69,22 @@ def test_where_too_few_hold_all_are_asked(plan: GraspPlan, monkeypatch: pytest.M
     assert len(asked) == len(ranked.grasps) == 6
 
 
+def test_where_all_are_undecided_for_one_reason_no_more_are_asked_than_wanted(
+    plan: GraspPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = answer(monkeypatch, *[UNDECIDED] * 6)
+    ranked = rank_in_plant(model("cube"), plan, top=2)
+    assert len(asked) == len(ranked.grasps) == 2
+
+
+def test_one_that_fails_among_undecided_ones_has_the_others_asked(
+    plan: GraspPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = answer(monkeypatch, UNDECIDED, FAILS, UNDECIDED, UNDECIDED, UNDECIDED, UNDECIDED)
+    rank_in_plant(model("cube"), plan, top=2)
+    assert len(asked) == 6
+
+
 def test_without_a_wish_every_grasp_is_asked(
     plan: GraspPlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
