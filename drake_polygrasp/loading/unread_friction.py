@@ -19,6 +19,8 @@ _TAGS = frozenset(
         "dynamic_friction",
         "drake:mu_static",
         "drake:mu_dynamic",
+        "mu_static",
+        "mu_dynamic",
     )
 )
 """Elements that state a coefficient of friction: of SDF, of Gazebo's and of PyBullet's URDF."""
@@ -50,9 +52,14 @@ def unread_in_link(
 
 def _places(element: Element, place: str, read: Collection[Element]) -> Iterator[str]:
     for child in element:
-        if child not in read and (child.tag in _TAGS or (child.tag in _LEAVES and not len(child))):
+        if child not in read and (child.tag in _TAGS or (child.tag in _LEAVES and _says(child))):
             yield f"{place}<{child.tag}>"
         yield from _places(child, f"{place}<{child.tag}>", read)
+
+
+def _says(element: Element) -> bool:
+    """Whether an element holds a value, and no other elements."""
+    return not len(element) and bool(element.attrib or (element.text or "").strip())
 
 
 def unread_in_pairs(root: Element, geoms: Collection[str]) -> Iterator[str]:

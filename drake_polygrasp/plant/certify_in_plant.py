@@ -58,6 +58,8 @@ LABELS = (
 )
 """The loads of every plan, in order."""
 _NUM_WEIGHTS = 6
+PADS = "on flat pads at the contacts"
+"""What stood for the object's surface, where that is worth saying."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,7 +305,7 @@ def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium] | Refusal
         if equilibrium.fault
     ]
     spare = float(plan.weight.spare_friction.min())
-    reason = faults[0] if faults else "on pads"
+    reason = faults[0] if faults else PADS
     return PlantVerdict("statics", _verdict(not faults and spare > 0), spare, "N", reason)
 
 
@@ -315,7 +317,7 @@ def _simulation(
     if isinstance(trace, Refusal):
         return _undecided("simulation", "1", trace)
     outcome = simulation.judge(trace, len(plan.labels), scene.object_.polyhedron.diameter)
-    reason = "" if scene.solid.is_hulls else "on pads"
+    reason = "" if scene.solid.is_hulls else PADS
     if outcome.lost is not None:
         under = plan.labels[outcome.lost] if outcome.lost >= 0 else "squeeze"
         reason = f"a fingertip loses the object: {under}"

@@ -132,3 +132,32 @@ def test_what_is_no_scale_is_told_the_whole_range(
         main(["plan", str(tmp_path / "a.obj"), "--scale", scale])
     assert ended.value.code == 2
     assert f"'{scale}' is not a number from 1e-06 to 1e+06" in capsys.readouterr().err
+
+
+PREFIXLESS = '<proximity_properties><mu_dynamic value="0.5"/></proximity_properties>'
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "place"),
+    [
+        ("a.sdf", sdf(SDF_BOX, "<surface><friction/></surface>"), ""),
+        ("a.sdf", sdf(SDF_BOX, "<surface><friction> </friction></surface>"), ""),
+        (
+            "a.sdf",
+            sdf(SDF_BOX, "<surface><friction>0.5</friction></surface>"),
+            "<surface><friction>",
+        ),
+        (
+            "a.urdf",
+            urdf(BOX).replace("</geometry>", f"</geometry>{PREFIXLESS}"),
+            "<proximity_properties><mu_dynamic>",
+        ),
+    ],
+)
+def test_a_place_of_friction_is_blamed_only_where_it_states_some(
+    name: str, content: str, place: str, tmp_path: Path
+) -> None:
+    write_all(tmp_path, {name: content})
+    (said,) = [w for w in load_object(tmp_path / name).warnings if "states no friction" in w]
+    reason = f", for Drake reads no friction from {place}" if place else ""
+    assert said.endswith(f"states no friction; 0.3 is assumed{reason}")
