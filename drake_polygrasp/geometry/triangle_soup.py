@@ -25,6 +25,8 @@ _HITS_AT_ONCE = 1 << 24
 process when it finds no room for them."""
 _PAIRS_AT_ONCE = 1 << 17
 """Of points and triangles that are compared at once, ours: temporaries of some 50 MB."""
+_FEW = 256
+"""Ours: so few triangles may all be near a point, and none is worth cutting."""
 _RAY = np.array([[0.6, -0.48, 0.64], [0.8, 0.36, -0.48], [0.0, 0.8, 0.6]])
 """A rotation, ours, whose third column no usual face is parallel to."""
 
@@ -53,8 +55,12 @@ class TriangleSoup:
 
     @cached_property
     def _boxes(self) -> _Boxes:
-        turn = along_needles(self.triangles)
-        low, high, triangle = bounding_boxes(times(self.triangles, turn))
+        if len(self.triangles) <= _FEW:
+            turn, triangle = np.eye(3), np.arange(len(self.triangles))
+            low, high = self.triangles.min(axis=1), self.triangles.max(axis=1)
+        else:
+            turn = along_needles(self.triangles)
+            low, high, triangle = bounding_boxes(times(self.triangles, turn))
         sides = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
         return _Boxes(turn, low, high, triangle, shapely.STRtree(sides))
 
@@ -78,9 +84,9 @@ class TriangleSoup:
         # Along no axis, where the walls of made things would hold the whole ray.
         along, points = self._along_ray, times(points, _RAY)
         for i, t in along._pairs(points, 0.0, above=np.inf):
-            around = _turns(points[i, :2], along.triangles[t, :, :2]) != 0
-            i, t = _without_copies(i[around], t[around])
             turns = _turns(points[i, :2], along.triangles[t, :, :2])
+            around = along._distinct(i, t, turns != 0)
+            i, t, turns = i[around], t[around], turns[around]
             corner = along.triangles[t] - points[i][:, None]
             normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
             height = np.einsum("ni,ni->n", corner[:, 0], normal) * np.sign(normal[:, 2])
@@ -115,9 +121,17 @@ class TriangleSoup:
     def _closer_than(self, points: Array, reach: float) -> Iterator[tuple[Ints, Ints, Array]]:
         for i, j in self._pairs(points, reach):
             distance = point_triangle_distance(points[i], self.triangles[j])
-            close = distance <= reach
-            i, j = _without_copies(i[close], j[close])
-            yield i, j, point_triangle_distance(points[i], self.triangles[j])
+            close = self._distinct(i, j, distance <= reach)
+            yield i[close], j[close], distance[close]
+
+    def _distinct(self, i: Ints, t: Ints, wanted: Bools) -> Ints:
+        """Where wanted pairs (point, triangle) are, each once: near needles there are copies."""
+        rows = np.flatnonzero(wanted)
+        if len(self._boxes.triangle) == len(self.triangles):
+            return rows
+        rows = rows[np.lexsort((t[rows], i[rows]))]
+        new = (np.diff(i[rows], prepend=-1) != 0) | (np.diff(t[rows], prepend=-1) != 0)
+        return rows[new]
 
     def _pairs(
         self, points: Array, reach: float, above: float | None = None
@@ -132,18 +146,13 @@ class TriangleSoup:
             most = reach if above is None else above
             level = (low[j, 2] - most <= z[i]) & (z[i] <= high[j, 2] + reach)
             i, t = i[level], owner[j[level]]
+            if len(i) <= _PAIRS_AT_ONCE:
+                yield rows.start + i, t
+                continue
             # All of a point's pairs stay together.
             cut = np.searchsorted(i, i[_PAIRS_AT_ONCE - 1 :: _PAIRS_AT_ONCE], "right")
             for some_i, some_t in zip(np.split(i, cut), np.split(t, cut), strict=True):
                 yield rows.start + some_i, some_t
-
-
-def _without_copies(i: Ints, t: Ints) -> tuple[Ints, Ints]:
-    """Distinct pairs, in ascending order."""
-    order = np.lexsort((t, i))
-    i, t = i[order], t[order]
-    new = (np.diff(i, prepend=-1) != 0) | (np.diff(t, prepend=-1) != 0)
-    return i[new], t[new]
 
 
 def _turns(points: Array, triangles: Array) -> Array:

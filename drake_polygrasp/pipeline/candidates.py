@@ -79,6 +79,8 @@ class Contenders:
         Contacts must be where `verify` finds them too: on the exposed surface, with the body
         behind them and no more friction than is there.
         """
+        if not len(rows):
+            return {}
         found = face_of(self.request.object_.polyhedron, *self._flat(rows)).reshape(-1, 3)
         there = np.append(self.request.object_.polyhedron.mu, -np.inf)[found]
         on_face = self.mu[rows] <= there
