@@ -131,7 +131,7 @@ class TriangleSoup:
             return rows
         rows = rows[np.lexsort((t[rows], i[rows]))]
         new = (np.diff(i[rows], prepend=-1) != 0) | (np.diff(t[rows], prepend=-1) != 0)
-        return rows[new]
+        return np.asarray(rows[new])
 
     def _pairs(
         self, points: Array, reach: float, above: float | None = None
