@@ -81,7 +81,7 @@ def _judged_by_quality(work: Contenders, rank: Rank, top: int) -> dict[int, Proo
 
 
 def _estimates(work: Contenders) -> Array:
-    """Of epsilon of all rows that hold or may hold, 0 of others."""
+    """Estimates epsilon of all candidates that hold or may hold; 0 for others, shape (M,)."""
     rows = np.flatnonzero(np.isin(work.outcome, (UNJUDGED, CODE["certified"])))
     object_, estimate = work.request.object_, np.zeros(len(work.outcome))
     estimate[rows] = epsilon_estimates(*work.contacts_of(rows), object_.p_BBcm, object_.rho)

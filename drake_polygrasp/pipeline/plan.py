@@ -1,4 +1,4 @@
-"""Plan, certify, rank: the one place that knows both the planner and the certificate."""
+"""Plans, proves and ranks grasps, by the paper, the search beyond it and the certificate."""
 
 from __future__ import annotations
 
