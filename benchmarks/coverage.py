@@ -31,7 +31,7 @@ from benchmarks.measure import GAP, search
 from benchmarks.peers import ROUNDING, Triples, epsilon_of, random_triples
 from drake_polygrasp.certification.robustness import RELATIVE_GAP
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.paper.reasons import UNJUDGED
+from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.pipeline.proposals import constructed
 from drake_polygrasp.pipeline.request import make_request
@@ -93,14 +93,16 @@ def compare(subject: HardObject) -> Comparison:
 def best_of_paper(object_: GraspObject) -> float:
     """The greatest epsilon of all that the paper's stages construct and that is proved."""
     work = constructed(make_request(object_, "paper", None, None, (), (), None), Steps())
-    rows = np.flatnonzero(work.outcome == UNJUDGED)
+    judge = Judge(work)
+    rows = judge.open_rows
     estimate = epsilon_estimates(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
     best = 0.0
     for k in np.argsort(-estimate, kind="stable"):
         if estimate[k] * (1 + ROUNDING) <= best:
             break
         row = rows[k : k + 1]
-        if work.judge(row):
+        judge.judge(row)
+        if int(row[0]) in judge.proofs:
             contacts = Triples(
                 work.candidates.p_BC[row], work.face[row], work.nhat_TB_B[row], work.mu[row]
             )

@@ -16,7 +16,7 @@ from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.robustness import RELATIVE_GAP, epsilon_interval
 from drake_polygrasp.geometry.regions import Regions
-from drake_polygrasp.geometry.seating import face_of, seat, tip_fits
+from drake_polygrasp.geometry.surface_contact import face_at, fingertip_fits, project_contacts
 from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.paper.orientation import friction_angle, opposes
 from drake_polygrasp.wrenches.contacts import force_closure
@@ -188,7 +188,7 @@ def closed(object_: GraspObject, triples: Triples, tip_radius: float) -> Ints:
 def have_room(object_: GraspObject, triples: Triples, tip_radius: float) -> Bools:
     """Whether tips fit at all three contacts, shape (M,)."""
     p, nhat = triples.p_BC.reshape(-1, 3), triples.nhat_TB_B.reshape(-1, 3)
-    fits = tip_fits(object_.polyhedron, p, nhat, tip_radius).reshape(-1, 3)
+    fits = fingertip_fits(object_.polyhedron, p, nhat, tip_radius).reshape(-1, 3)
     return np.asarray(fits.all(axis=1))
 
 
@@ -238,11 +238,11 @@ def is_proved(object_: GraspObject, triple: Triples, face: Ints, tip_radius: flo
 
     On the true surface, with room for tips, by the exact certificate.
     """
-    seats = seat(object_.polyhedron, triple.p_BC[0], face[0])
-    contacts = seats.p_BC, seats.nhat_TB_B
-    on_face = face_of(object_.polyhedron, *contacts) >= 0
-    fits = tip_fits(object_.polyhedron, *contacts, tip_radius)
-    if not (seats.ok & on_face & fits).all():
+    projected = project_contacts(object_.polyhedron, triple.p_BC[0], face[0])
+    contacts = projected.p_BC, projected.nhat_TB_B
+    on_face = face_at(object_.polyhedron, *contacts) >= 0
+    fits = fingertip_fits(object_.polyhedron, *contacts, tip_radius)
+    if not (projected.ok & on_face & fits).all():
         return False
     (proof,) = prove_many(*(values[None] for values in contacts), triple.mu)
     return proof.verdict is Verdict.HOLDS

@@ -42,13 +42,13 @@ if TYPE_CHECKING:
         load_surroundings,
         surroundings_from_plant,
     )
-    from drake_polygrasp.optimality.gap import BetterGrasp, Gap, epsilon_gap
+    from drake_polygrasp.optimality.gap import BetterGrasp, OptimalityGap, epsilon_gap
     from drake_polygrasp.pipeline.explain import Explanation, explain_sets
     from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
     from drake_polygrasp.pipeline.plant_ranking import rank_in_plant
     from drake_polygrasp.plant.certify_in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.plant.grasp_forces import GraspForces
-    from drake_polygrasp.verification.report import Report
+    from drake_polygrasp.verification.report import VerificationReport
     from drake_polygrasp.verification.verify import verify_file
 
 __all__ = [
@@ -56,7 +56,6 @@ __all__ = [
     "Certificate",
     "CertifiedGrasp",
     "Explanation",
-    "Gap",
     "Grasp",
     "GraspFile",
     "GraspFileError",
@@ -65,13 +64,14 @@ __all__ = [
     "GraspPlan",
     "ModelError",
     "Obstacles",
+    "OptimalityGap",
     "PlantRecord",
     "PlantReport",
     "PlantVerdict",
     "PolygraspError",
-    "Report",
     "Surroundings",
     "UsageError",
+    "VerificationReport",
     "__version__",
     "certify_in_plant",
     "contact_poses",
@@ -104,13 +104,13 @@ _HOMES = {
     "loading.plant_object": ("object_from_plant",),
     "loading.plant_obstacles": ("obstacles_from_plant",),
     "loading.surroundings": ("Surroundings", "load_surroundings", "surroundings_from_plant"),
-    "optimality.gap": ("BetterGrasp", "Gap", "epsilon_gap"),
+    "optimality.gap": ("BetterGrasp", "OptimalityGap", "epsilon_gap"),
     "pipeline.explain": ("Explanation", "explain_sets"),
     "pipeline.plan": ("GraspPlan", "plan_grasps"),
     "pipeline.plant_ranking": ("rank_in_plant",),
     "plant.certify_in_plant": ("PlantReport", "certify_in_plant"),
     "plant.grasp_forces": ("GraspForces",),
-    "verification.report": ("Report",),
+    "verification.report": ("VerificationReport",),
     "verification.verify": ("verify_file",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -48,7 +48,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.packages import find_packages, use_packages
-from drake_polygrasp.loading.parsed_model import blaming
+from drake_polygrasp.loading.parsed_model import drake_errors_as_model_errors
 from drake_polygrasp.visualization.palette import CONTACTS, rgb
 
 TIME_STEP = 1e-3
@@ -179,7 +179,7 @@ def _add_object(plant: MultibodyPlant, model_file: Path) -> RigidBody:
     # Prefixed, lest a model be named as the hand is.
     parser = Parser(plant, model_name_prefix="object")
     use_packages(parser, find_packages(model_file))
-    with blaming(model_file):
+    with drake_errors_as_model_errors(model_file):
         models = parser.AddModels(str(model_file))
     bodies = [plant.get_body(index) for model in models for index in plant.GetBodyIndices(model)]
     solid = [body for body in bodies if plant.GetCollisionGeometriesForBody(body)]

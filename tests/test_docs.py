@@ -23,7 +23,7 @@ from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.grasp_file import load_grasps
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.regions import erode
-from drake_polygrasp.geometry.seating import edge_distance
+from drake_polygrasp.geometry.surface_contact import edge_distance
 from drake_polygrasp.paper.reasons import REASONS
 from drake_polygrasp.paper.stages import plan_sets
 from drake_polygrasp.verification.report import Status

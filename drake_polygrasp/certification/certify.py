@@ -65,7 +65,7 @@ def prove_many(p_BC: Array, nhat_TB_B: Array, mu: Array) -> list[Proof]:
 
 def _judge(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> Proof:
     contacts = p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist()
-    check, margin = exact.prove(*contacts, x.tolist())
+    check, margin = exact.check_and_margin(*contacts, x.tolist())
     if check.ok:
         return Proof(Verdict.HOLDS, internal_force=frozen(x), margin=at_most(margin, EXACT))
     presumed = exact.check_contacts(*contacts)

@@ -114,7 +114,9 @@ def attained_margin(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[flo
         return -math.inf
 
 
-def prove(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[float]) -> tuple[Check, float]:
+def check_and_margin(
+    p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[float]
+) -> tuple[Check, float]:
     """What `check_force_closure` and `attained_margin` say, in little more than the time of one.
 
     Arguments as in `check_force_closure`. Never raises.
@@ -333,7 +335,7 @@ def main() -> int:
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
         print(f"no plan in JSON on standard input: {error!r}", file=sys.stderr)
         return 2
-    proofs = [prove(*grasp) for grasp in grasps]
+    proofs = [check_and_margin(*grasp) for grasp in grasps]
     for rank, (check, margin) in enumerate(proofs, start=1):
         holds = f"holds, margin {margin:.6g}"
         print(f"grasp {rank}: {holds if check.ok else f'does not hold: {check.reason}'}")

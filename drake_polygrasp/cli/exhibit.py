@@ -24,7 +24,7 @@ _POLL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Exhibit:
+class ShownScene:
     """An object, its ranked grasps, and fingertips to draw on it."""
 
     object_: GraspObject
@@ -47,7 +47,7 @@ def exhibit_model(
     packages: Mapping[str, str | Path] | None = None,
     joints_free: bool = False,
     scale: float | None = None,
-) -> Exhibit:
+) -> ShownScene:
     """Loads an object and plans grasps of it; arguments and errors as of `load_object`."""
     # Showing a grasp file needs no planner.
     from drake_polygrasp.pipeline.plan import plan_grasps
@@ -62,14 +62,14 @@ def exhibit_model(
         scale=scale,
     )
     plan = plan_grasps(object_)
-    return Exhibit(object_, plan.grasps, plan.settings["tip_radius"])
+    return ShownScene(object_, plan.grasps, plan.settings["tip_radius"])
 
 
 def exhibit_file(
     path: Path | str,
     package_paths: Sequence[Path | str] = (),
     packages: Mapping[str, str | Path] | None = None,
-) -> Exhibit:
+) -> ShownScene:
     """Reads a grasp file and loads its object; nothing that the file claims is checked.
 
     Raises:
@@ -96,15 +96,15 @@ def exhibit_file(
     if object_.source is not None and object_.source.sha256 != stated.sha256:
         changed = f"{model_file} has changed since {path} was written: its grasps may be off"
         object_ = replace(object_, warnings=(*object_.warnings, changed))
-    return Exhibit(object_, file.grasps, file.plan.get("tip_radius"))
+    return ShownScene(object_, file.grasps, file.plan.get("tip_radius"))
 
 
-def write_page(exhibit: Exhibit, file: Path, title: str) -> None:
+def write_page(exhibit: ShownScene, file: Path, title: str) -> None:
     """Writes one page that opens offline; UsageError when it cannot be written."""
     save_html(file, _drawn(exhibit), exhibit.grasps, title=title)
 
 
-def serve(exhibit: Exhibit) -> Iterator[str]:
+def serve(exhibit: ShownScene) -> Iterator[str]:
     """Serves a Meshcat and says where, then follows its slider until KeyboardInterrupt."""
     meshcat, count = _drawn(exhibit), len(exhibit.grasps)
     if count > 1:
@@ -120,7 +120,7 @@ def serve(exhibit: Exhibit) -> Iterator[str]:
             show_rank(meshcat, rank, count)
 
 
-def _drawn(exhibit: Exhibit) -> Meshcat:
+def _drawn(exhibit: ShownScene) -> Meshcat:
     object_, grasps = exhibit.object_, exhibit.grasps
     meshcat = Meshcat()
     draw_grasps(meshcat, object_, grasps, tip_radius=exhibit.tip_radius)

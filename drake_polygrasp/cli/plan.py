@@ -15,7 +15,7 @@ from drake_polygrasp.errors import UsageError
 
 if TYPE_CHECKING:
     from drake_polygrasp.grasp import GraspObject
-    from drake_polygrasp.optimality.gap import Gap
+    from drake_polygrasp.optimality.gap import OptimalityGap
     from drake_polygrasp.pipeline.plan import GraspPlan
 
 
@@ -151,8 +151,8 @@ def _in_plant(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPl
     return ranked
 
 
-def _gap(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -> Gap:
-    gap: Gap
+def _gap(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -> OptimalityGap:
+    gap: OptimalityGap
     gap, _ = call_in_child(
         "drake_polygrasp.optimality.gap:epsilon_gap",
         object_,

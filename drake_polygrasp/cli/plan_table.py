@@ -10,7 +10,7 @@ from drake_polygrasp.cli.table import aligned
 
 if TYPE_CHECKING:
     from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
-    from drake_polygrasp.optimality.gap import Gap
+    from drake_polygrasp.optimality.gap import OptimalityGap
     from drake_polygrasp.pipeline.plan import GraspPlan
 from drake_polygrasp.cli.table import friction_hint, head_line, lacking_friction
 
@@ -106,7 +106,7 @@ def _grasp_row(rank: int, certified: CertifiedGrasp) -> tuple[str, ...]:
     )
 
 
-def gap_lines(gap: Gap) -> list[str]:
+def gap_lines(gap: OptimalityGap) -> list[str]:
     """How near the plan is to the best possible grasp, and a better one if it was met."""
     end = "nodes" if gap.complete else "nodes; more would lower it"
     within = (
@@ -127,7 +127,7 @@ def gap_lines(gap: Gap) -> list[str]:
     return lines
 
 
-def gap_document(gap: Gap) -> dict[str, Any]:
+def gap_document(gap: OptimalityGap) -> dict[str, Any]:
     """The gap for machines."""
     better = gap.better
     return {

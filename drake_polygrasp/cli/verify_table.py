@@ -8,10 +8,10 @@ from drake_polygrasp.cli.table import aligned
 from drake_polygrasp.files.plant_block import plant_document
 
 if TYPE_CHECKING:
-    from drake_polygrasp.verification.report import GraspReport, Report
+    from drake_polygrasp.verification.report import GraspReport, VerificationReport
 
 
-def verified_plant_column(report: Report) -> list[tuple[str, ...]]:
+def verified_plant_column(report: VerificationReport) -> list[tuple[str, ...]]:
     """The last cells of the header and of each row; empty where nothing says anything of a plant.
 
     What the file states and no plant was asked again is "stated".
@@ -27,7 +27,7 @@ def _cell(grasp: GraspReport) -> str:
     return "-" if grasp.stated_plant is None else f"stated: {grasp.stated_plant.verdict}"
 
 
-def verified_plant_lines(report: Report) -> list[str]:
+def verified_plant_lines(report: VerificationReport) -> list[str]:
     """A row for each verdict of a plant, with what is left until it would not hold."""
     rows = [
         (
@@ -50,7 +50,7 @@ def verified_plant_lines(report: Report) -> list[str]:
     ]
 
 
-def _surroundings_line(report: Report) -> list[str]:
+def _surroundings_line(report: VerificationReport) -> list[str]:
     """What other bodies were there, and for what."""
     for grasp in report.grasps:
         if grasp.plant is not None and "surroundings" in grasp.plant.settings:
@@ -59,7 +59,7 @@ def _surroundings_line(report: Report) -> list[str]:
     return []
 
 
-def verify_table(report: Report) -> str:
+def verify_table(report: VerificationReport) -> str:
     """One row a grasp, and below it a sentence for each line that has something to say."""
     in_plant = verified_plant_column(report)
     rows = [
@@ -87,7 +87,7 @@ def verify_table(report: Report) -> str:
     )
 
 
-def verify_document(report: Report, holds: bool | None) -> dict[str, Any]:
+def verify_document(report: VerificationReport, holds: bool | None) -> dict[str, Any]:
     """The report for machines; `holds` is that of the report or, as more was asked for, False."""
     return {
         "file": str(report.path),

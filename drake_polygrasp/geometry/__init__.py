@@ -18,7 +18,7 @@
 | facets.py | the facets and curved solids under patches |
 | regions.py | the eroded regions of faces that contacts may use: the paper's A_i |
 | face_sets.py | sets of two or three regions: all of them, their keys and their rows |
-| seating.py | contacts brought to the true surface, and room for a fingertip there |
+| surface_contact.py | contacts brought to the true surface, and room for a fingertip there |
 | exclusion.py | faces and directions that contacts avoid |
 | obstacles.py | what stands around a body and leaves fingertips no room |
 | body_identity.py | what tells one body from another |

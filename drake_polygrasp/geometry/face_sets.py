@@ -63,7 +63,7 @@ def sets_of(region: Ints) -> Ints:
     return sets
 
 
-def place_in_set(number: Ints) -> Ints:
+def rank_within_set(number: Ints) -> Ints:
     """How many rows of the same set come before each, (M,) to (M,)."""
     order = np.argsort(number, kind="stable")
     ordered = number[order]
@@ -91,7 +91,7 @@ def with_sets(sets: Ints, more: Ints) -> Ints:
     return np.concatenate([sets, more[is_new]])
 
 
-def rows_of(sets: Ints, wanted: Ints) -> Ints:
+def find_rows(sets: Ints, wanted: Ints) -> Ints:
     """Where each wanted set is among the sets, which hold it."""
     greatest = int(sets.max(initial=0))
     keys = set_keys(sets, greatest)

@@ -63,7 +63,7 @@ def facets_of(polyhedron: Polyhedron) -> Facets:
     return Facets(nhat, mu, _inradius(polyhedron.triangles_B) >= _SLIVER * polyhedron.diameter)
 
 
-def seat_on_patch(
+def project_on_patch(
     polyhedron: Polyhedron, facets: Facets, face: Face, p_BC: Array
 ) -> tuple[Array, Array, Bools]:
     """Contacts p_BC [m], shape (M, 3), on the plane of a patch, moved to the surface under it.
@@ -72,8 +72,8 @@ def seat_on_patch(
     keep off the edges of facets, where the normal is anyone's.
     """
     if face.primitive is not None:
-        seated, outward = face.primitive.project(p_BC)
-        return seated, -outward, np.ones(len(p_BC), dtype=bool)
+        projected, outward = face.primitive.project(p_BC)
+        return projected, -outward, np.ones(len(p_BC), dtype=bool)
     L, Fz, nhat = polyhedron.diameter, face.R_BF[:, 2], facets.nhat
     near = facets.wide & (facets.mu == face.mu) & (times(nhat, Fz) >= _STEEPEST_ON_PATCH)
     candidates = np.flatnonzero(near)
@@ -90,10 +90,11 @@ def seat_on_patch(
     order = np.lexsort((t, -rise, i))
     i, first = np.unique(i[order], return_index=True)
     t, rise = t[order][first], rise[order][first]
-    seated, inward, ok = p_BC.copy(), np.tile(-Fz, (len(p_BC), 1)), np.zeros(len(p_BC), dtype=bool)
-    seated[i] = _off_edges(p_BC[i] + rise[:, None] * Fz, polyhedron.triangles_B[t], L)
+    projected, inward = p_BC.copy(), np.tile(-Fz, (len(p_BC), 1))
+    ok = np.zeros(len(p_BC), dtype=bool)
+    projected[i] = _off_edges(p_BC[i] + rise[:, None] * Fz, polyhedron.triangles_B[t], L)
     inward[i], ok[i] = -nhat[t], True
-    return seated, inward, ok
+    return projected, inward, ok
 
 
 def _inradius(triangles: Array) -> Array:
@@ -119,7 +120,7 @@ def _side_distance(points: Array, triangles: Array) -> Array:
     return np.asarray((np.linalg.norm(arm, axis=2) / length).min(axis=1))
 
 
-def touch_patch(
+def locate_on_patch(
     polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, triangle: Ints
 ) -> tuple[Ints, Array, Array]:
     """The patches that contacts [m] with inward normals, both (M, 3), are on: face (M,).

@@ -148,7 +148,7 @@ def _is_one_solid(mesh: Mesh) -> bool:
 
 
 def _is_sealed(face: Face, cavities: Cavities) -> bool:
-    """Whether all of a face is in a cavity; in parts of others, contacts find no seat."""
+    """Whether all of a face is in a cavity; in parts of others, no contact can be projected."""
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(face.polygon_F))
     xy = shapely.get_coordinates(shapely.centroid(pieces))
     p_BC = face.p_BF + times(xy, face.R_BF[:, :2].T)

@@ -20,7 +20,7 @@ from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.geometry.tolerances import FLATNESS
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.model_checks import MAX_FRICTION
-from drake_polygrasp.loading.parsed_model import blaming
+from drake_polygrasp.loading.parsed_model import drake_errors_as_model_errors
 from drake_polygrasp.loading.rigid_group import Collider, RigidGroup
 from drake_polygrasp.loading.scale import doubts_of_units
 from drake_polygrasp.loading.shapes import part_of
@@ -151,7 +151,7 @@ def _part(
     inspector: SceneGraphInspector, collider: Collider, mu: float, where: str, remedy: str
 ) -> Part:
     shape = inspector.GetShape(collider.geometry)
-    with blaming(where):
+    with drake_errors_as_model_errors(where):
         part = part_of(shape, collider.X_BG, mu)
     if part is None:
         name, kind = inspector.GetName(collider.geometry), type(shape).__name__

@@ -62,7 +62,7 @@ def parse_model(
     files = read_model_files(locate(model_file, package_map), package_map)
     for mesh in files.meshes:
         check_mesh_file(mesh)
-    with hearing() as heard, blaming(files.model_file, heard.errors):
+    with hearing() as heard, drake_errors_as_model_errors(files.model_file, heard.errors):
         plant, scene_graph = _parse(files.model_file, package_map, scale)
     warnings = heard.merged()
     body = _choose_body(plant, body_name, files.model_file, warnings)
@@ -72,7 +72,7 @@ def parse_model(
 
 
 @contextmanager
-def blaming(where: Path | str, logged: Sequence[str] = ()) -> Iterator[None]:
+def drake_errors_as_model_errors(where: Path | str, logged: Sequence[str] = ()) -> Iterator[None]:
     """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors.
 
     The errors that Drake `logged` before may say more.

@@ -22,7 +22,7 @@ from drake_polygrasp.geometry.surface import Part
 from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
 from drake_polygrasp.loading.body_object import identity_of
 from drake_polygrasp.loading.live_plant import describe, find_body, query_of
-from drake_polygrasp.loading.parsed_model import blaming
+from drake_polygrasp.loading.parsed_model import drake_errors_as_model_errors
 from drake_polygrasp.loading.rigid_group import Collider, find_group
 from drake_polygrasp.loading.shapes import part_of
 
@@ -104,7 +104,7 @@ def live_identity(
     """
     parts = []
     for geometry, X_BG, _ in own:
-        with blaming(describe(body)):
+        with drake_errors_as_model_errors(describe(body)):
             part = part_of(inspector.GetShape(geometry), X_BG, mu=0.0)
         parts += [] if part is None else [part]
     return identity_of(parts, (str(body.scoped_name()),))
@@ -168,7 +168,7 @@ def _part(
         apart = (corners.min(axis=0) > near[1]) | (corners.max(axis=0) < near[0])
         if apart.any():
             return None
-    with blaming(f"obstacle '{name}'"):
+    with drake_errors_as_model_errors(f"obstacle '{name}'"):
         part = part_of(shape, X_BG, mu=0.0)
     if part is None:
         raise ModelError(

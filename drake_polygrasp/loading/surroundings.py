@@ -21,7 +21,11 @@ from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.live_plant import find_body, query_of
-from drake_polygrasp.loading.parsed_model import ParsedModel, blaming, parse_model
+from drake_polygrasp.loading.parsed_model import (
+    ParsedModel,
+    drake_errors_as_model_errors,
+    parse_model,
+)
 from drake_polygrasp.loading.plant_object import object_from_plant
 from drake_polygrasp.loading.plant_obstacles import (
     Ignored,
@@ -83,7 +87,7 @@ def surroundings_from_plant(
         name = geometry_name(plant, inspector, geometry)
         if inspector.IsDeformableGeometry(geometry):
             raise ModelError(f"obstacle '{name}' is deformable; put its geometry into `ignore`")
-        with blaming(f"obstacle '{name}'"):
+        with drake_errors_as_model_errors(f"obstacle '{name}'"):
             shape = mended(inspector.GetShape(geometry))
         parts.append((name, shape, X_BW @ query.GetPoseInWorld(geometry)))
     return Surroundings(tuple(parts), live_identity(inspector, colliders, body))
@@ -132,7 +136,7 @@ def load_surroundings(
         plant.get_geometry_pose_output_port(),
         scene_graph.get_source_pose_port(plant.get_source_id()),
     )
-    with blaming(scene_file):
+    with drake_errors_as_model_errors(scene_file):
         context = plant.GetMyContextFromRoot(builder.Build().CreateDefaultContext())
     body = parsed.group.body
     try:

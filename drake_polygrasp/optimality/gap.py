@@ -13,7 +13,7 @@ from drake_polygrasp.certification.robustness import epsilon_interval
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.files.plan_block import exclusion_of
 from drake_polygrasp.geometry.regions import Regions, erode
-from drake_polygrasp.geometry.seating import tip_fits, tips_are_apart
+from drake_polygrasp.geometry.surface_contact import fingertip_fits, fingertips_are_apart
 from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.optimality.branch_and_bound import Optimum, bound_optimum
 from drake_polygrasp.pipeline.plan import GraspPlan
@@ -39,7 +39,7 @@ class BetterGrasp:
 
 
 @dataclass(frozen=True, eq=False)
-class Gap:
+class OptimalityGap:
     """An upper bound of what is possible, and how far a plan is below it."""
 
     epsilon_bound: float
@@ -67,7 +67,7 @@ def epsilon_gap(
     *,
     nodes: int = NODES,
     progress: Progress | None = None,
-) -> Gap:
+) -> OptimalityGap:
     """Bounds epsilon over all contacts that keep the plan's distance from edges.
 
     The bound also holds where fingertips must have room, of which it takes no account: room, like
@@ -108,7 +108,7 @@ def epsilon_gap(
     obstructed = "obstacles" in plan.settings
     better = None if obstructed else _better(object_, regions, optimum, epsilon, tip_radius)
     bound = max(optimum.bound, epsilon)
-    return Gap(bound, epsilon, best, optimum.nodes, optimum.complete, better)
+    return OptimalityGap(bound, epsilon, best, optimum.nodes, optimum.complete, better)
 
 
 def require_planar(object_: GraspObject) -> None:
@@ -143,9 +143,9 @@ def _better(
         contacts = p_BC, regions.nhat_TB_B[region], regions.mu[region]
         lower = epsilon_interval(*contacts, object_.p_BBcm, object_.rho).lower
         (proof,) = prove_many(*(values[None] for values in contacts))
-        fits = tip_fits(object_.polyhedron, *contacts[:2], tip_radius).all()
+        fits = fingertip_fits(object_.polyhedron, *contacts[:2], tip_radius).all()
         p, nhat = p_BC[None], regions.nhat_TB_B[region][None]
-        apart = tips_are_apart(object_.polyhedron, p, nhat, tip_radius)
+        apart = fingertips_are_apart(object_.polyhedron, p, nhat, tip_radius)
         if lower > epsilon and proof.verdict is Verdict.HOLDS and fits and apart[0]:
             a, b, c = regions.face[region].tolist()
             return BetterGrasp((a, b, c), frozen(p_BC), lower)

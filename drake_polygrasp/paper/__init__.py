@@ -15,7 +15,7 @@
 | 4-7 | the flow chart | stages.py | plan_sets | test_reference_planner.py |
 | 4-7 | what becomes of a set | reasons.py | REASONS, MEANING, SetPlan | test_reference_planner.py |
 | 4-7 | what every stage computes for one set | trace.py | trace | test_trace.py |
-| 4-7 | that, as values | trace_result.py | Trace | test_trace.py |
+| 4-7 | that, as values | trace_result.py | SetTrace | test_trace.py |
 
 Section 2 (faces, edges) is geometry/polyhedron.py and geometry/regions.py; Section 3 (force
 closure) is certification/ and wrenches/contacts.py, because Proposition 1 as printed is not a test.

@@ -60,7 +60,7 @@ class Cut:
         return Cut(segments=self.segments.take(rows), **columns)
 
 
-def joined(cuts: list[Cut]) -> Cut:
+def join_cuts(cuts: list[Cut]) -> Cut:
     """One batch of several, in order."""
     if len(cuts) == 1:
         return cuts[0]
@@ -154,7 +154,7 @@ def _at_first_height(planes: Planes, attempt: Callable[[Ints, Array], tuple[Cut,
             cut, done = attempt(np.flatnonzero(pending), height[pending])
             found.append(cut)
             pending[done] = False
-    return joined(found)
+    return join_cuts(found)
 
 
 def cut_nonparallel(

@@ -50,12 +50,14 @@ from drake_polygrasp.paper.region_p import (
 )
 from drake_polygrasp.paper.stages import plan_sets
 from drake_polygrasp.paper.strips import strips_polygon
-from drake_polygrasp.paper.trace_result import OnPiL, OnPiP, OnPiS, Trace
+from drake_polygrasp.paper.trace_result import OnPiL, OnPiP, OnPiS, SetTrace
 from drake_polygrasp.paper.two_faces import choices, two_face_planes
 from drake_polygrasp.vectors import unit
 
 
-def trace(object_: GraspObject, faces: Sequence[int], edge_clearance: float | None = None) -> Trace:
+def trace(
+    object_: GraspObject, faces: Sequence[int], edge_clearance: float | None = None
+) -> SetTrace:
     """Follows one set of faces through the paper (`method="paper"`).
 
     Where erosion leaves several regions of a face, the set of regions with the best Q is taken.
@@ -118,7 +120,7 @@ class _Steps:
     reason: str
     best: Candidates | None
 
-    def triple(self, region: Ints) -> Trace:
+    def triple(self, region: Ints) -> SetTrace:
         nhat = self.regions.nhat_TB_B[region][None]
         alpha = friction_angle(self.regions.mu[region][None])
         parallel = classify(nhat, alpha)
@@ -139,7 +141,7 @@ class _Steps:
         cut = cut_parallel(self.regions, self.edges, planes, self.scale)
         return self._opposed(region, alpha, phi, planes, cut, [auxiliary] * len(owner), axes)
 
-    def pair(self, region: Ints) -> Trace:
+    def pair(self, region: Ints) -> SetTrace:
         regions, edges, scale = self.regions, self.edges, self.scale
         nhat = regions.nhat_TB_B[region][None]
         alpha, phi = (
@@ -160,7 +162,7 @@ class _Steps:
         )
         return self._opposed(region, alpha, phi, planes, cut, list(rows.pocket[kept]), axes)
 
-    def _nonparallel(self, region: Ints, nhat: Array, alpha: Array) -> Trace:
+    def _nonparallel(self, region: Ints, nhat: Array, alpha: Array) -> SetTrace:
         regions, edges, scale = self.regions, self.edges, self.scale
         N, sine = sine_of_tips_plane(nhat)
         phi, on = to_decimals(np.arcsin(sine)), plane_directions(N, nhat)
@@ -190,7 +192,7 @@ class _Steps:
         cut: Cut,
         common: list[shapely.Geometry],
         axes_uv: Array,
-    ) -> Trace:
+    ) -> SetTrace:
         if not len(planes.owner):
             return self._projections(region, alpha, phi, axes_uv)
         across = np.cross(planes.along_B, planes.nhat_B)
@@ -209,7 +211,7 @@ class _Steps:
         axes: Array,
         on_pi_l: OnPiL | None = None,
         heights: Array | None = None,
-    ) -> Trace:
+    ) -> SetTrace:
         """Where no plane Pi_p was found."""
         faces, p_cm = self._projected(region, axes), axes @ self.scale.p_BBcm
         on_pi_s = OnPiS(axes, faces, shapely.Polygon(), None, None, None, p_cm, heights)
@@ -316,11 +318,11 @@ class _Steps:
         on_pi_p: OnPiP | None = None,
         *,
         is_parallel: bool = False,
-    ) -> Trace:
+    ) -> SetTrace:
         a, b, c = self.regions.face[region].tolist()
         best = self.best
         built = best is not None and np.isfinite(best.p_BC).all()
-        return Trace(
+        return SetTrace(
             (a, b, c),
             is_parallel,
             float(alpha[0]),

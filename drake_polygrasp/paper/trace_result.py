@@ -84,7 +84,7 @@ class OnPiP:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class SetTrace:
     """One set of faces on its way through the paper, as far as it came."""
 
     faces: tuple[int, int, int]

@@ -4,7 +4,8 @@
 |---|---|
 | request.py | what to plan for, checked |
 | proposals.py | candidates of the paper and of the search, before any is proved |
-| candidates.py | candidates on the true surface, with room for fingertips, judged and certified |
+| candidates.py | candidates projected onto the true surface |
+| judge.py | what becomes of them, and the proofs of those that hold |
 | judging.py | which candidates are proved, and in which order |
 | longer_search.py | goes on where fewer grasps are found than wanted |
 | ranking.py | puts proved candidates in order and certifies the best |

@@ -12,8 +12,9 @@ from drake_polygrasp.arrays import Ints, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.orientation import least_opposing_friction
-from drake_polygrasp.paper.reasons import REASONS, UNJUDGED, Method
-from drake_polygrasp.pipeline.judging import everything
+from drake_polygrasp.paper.reasons import REASONS, Method
+from drake_polygrasp.pipeline.judge import Judge
+from drake_polygrasp.pipeline.judging import all_candidates
 from drake_polygrasp.pipeline.request import make_request
 from drake_polygrasp.search.selection import Steps
 
@@ -50,11 +51,11 @@ def explain_sets(
     request = make_request(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
-    work = everything(request, Steps())
-    work.judge(np.flatnonzero(work.outcome == UNJUDGED))
-    code = work.set_codes()
+    judge = Judge(all_candidates(request, Steps()))
+    judge.judge(judge.open_rows)
+    code = judge.set_codes()
     counts = request.counts(code)
-    sets, code = request.with_excluded(work.plan.sets, code)
+    sets, code = request.with_excluded(judge.work.plan.sets, code)
     # A pair's third region, -1, becomes face -1.
     faces = np.append(request.every_face, -1)[sets]
     return Explanation(

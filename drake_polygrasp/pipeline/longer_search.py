@@ -18,7 +18,12 @@ from drake_polygrasp.arrays import Ints
 from drake_polygrasp.geometry.face_sets import in_order_of_sets, sets_of, with_sets
 from drake_polygrasp.paper.orientation import sets_oppose
 from drake_polygrasp.paper.reasons import CODE, SetPlan, has_contacts
-from drake_polygrasp.pipeline.candidates import Contenders, contenders, joined_candidates
+from drake_polygrasp.pipeline.candidates import (
+    ProjectedCandidates,
+    join_candidates,
+    project_candidates,
+)
+from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.proposals import quick_points
 from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.search.effort import ANY_SETS, CHUNKS, DENSE, FULL
@@ -34,66 +39,73 @@ from drake_polygrasp.search.selection import (
     improved_triples,
 )
 from drake_polygrasp.search.set_bounds import promising_sets
-from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, joined
+from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, join_triples
 from drake_polygrasp.wrenches.contacts import force_closure
 
 
-def extended(request: PlanRequest, steps: Steps, work: Contenders) -> Iterator[Contenders]:
+def extended(request: PlanRequest, steps: Steps, judge: Judge) -> Iterator[ProjectedCandidates]:
     """Yields the candidates with more of them each time, until `ANY_SETS` sets have been seen.
 
-    Candidates and sets keep their places, new ones follow them; the outcomes of those that were
-    judged in between are kept.
+    Candidates and sets keep their places, new ones follow them. The caller has the judge take what
+    is yielded before it asks for more.
+
+    Args:
+        request: what to plan for.
+        steps: what is done beyond the paper; without the search, no denser points.
+        judge: what became of the candidates so far.
+    """
+    if steps.search and _may_hold_elsewhere(request, judge):
+        yield _with_denser_points(request, steps, judge.work)
+        yield _with_all_points(request, steps, judge.work)
+    num_sets = request.num_allowed_sets
+    best = _best_known(request, judge.work)
+    for most in CHUNKS:
+        if most < num_sets and len(judge.work.plan.sets) < num_sets:
+            scale = request.object_.p_BBcm, request.object_.rho
+            sets = promising_sets(
+                request.regions, best, *scale, above=-np.inf, most=most, opposing=sets_oppose
+            )
+            yield _with(request, steps, judge.work, sets, NO_TRIPLES)
+    if len(judge.work.plan.sets) < num_sets <= ANY_SETS:
+        yield _with(request, steps, judge.work, request.every_set, NO_TRIPLES)
+
+
+def completed(request: PlanRequest, steps: Steps, work: ProjectedCandidates) -> ProjectedCandidates:
+    """Returns the candidates, all that `extended` would add, and all sets however many.
 
     Args:
         request: what to plan for.
         steps: what is done beyond the paper; without the search, no denser points.
         work: the candidates so far.
-    """
-    if steps.search and _may_hold_elsewhere(request, work):
-        work = _with_denser_points(request, steps, work)
-        yield work
-        work = _with_all_points(request, steps, work)
-        yield work
-    num_sets = request.num_allowed_sets
-    best = _best_known(request, work)
-    for most in CHUNKS:
-        if most < num_sets and len(work.plan.sets) < num_sets:
-            scale = request.object_.p_BBcm, request.object_.rho
-            sets = promising_sets(
-                request.regions, best, *scale, above=-np.inf, most=most, opposing=sets_oppose
-            )
-            work = _with(request, steps, work, sets, NO_TRIPLES)
-            yield work
-    if len(work.plan.sets) < num_sets <= ANY_SETS:
-        yield _with(request, steps, work, request.every_set, NO_TRIPLES)
 
-
-def completed(request: PlanRequest, steps: Steps, work: Contenders) -> Contenders:
-    """The candidates, all that `extended` would add, and all sets however many.
-
-    Raises UsageError when sets are more than `request.MOST_SETS`.
+    Raises:
+        UsageError: when sets are more than `request.MOST_SETS`.
     """
     request.require_countable()
-    if steps.search and _may_hold_elsewhere(request, work):
+    if steps.search and _may_hold_elsewhere(request, Judge(work)):
         work = _with_denser_points(request, steps, work)
         work = _with_all_points(request, steps, work)
     return _with(request, steps, work, request.every_set, NO_TRIPLES)
 
 
-def _may_hold_elsewhere(request: PlanRequest, work: Contenders) -> bool:
-    """Whether some set that is not certified has faces that can oppose each other."""
-    code = work.set_codes()
+def _may_hold_elsewhere(request: PlanRequest, judge: Judge) -> bool:
+    """Returns whether some set that is not certified has faces that can oppose each other."""
+    code = judge.set_codes()
     closed = np.isin(code, (CODE["certified"], CODE["orientation"]))
     return len(code) < request.num_allowed_sets or not bool(closed.all())
 
 
-def _with_denser_points(request: PlanRequest, steps: Steps, work: Contenders) -> Contenders:
+def _with_denser_points(
+    request: PlanRequest, steps: Steps, work: ProjectedCandidates
+) -> ProjectedCandidates:
     triples = _denser_triples(request, steps)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
     return _with(request, steps, work, sets, triples)
 
 
-def _with_all_points(request: PlanRequest, steps: Steps, work: Contenders) -> Contenders:
+def _with_all_points(
+    request: PlanRequest, steps: Steps, work: ProjectedCandidates
+) -> ProjectedCandidates:
     """With triples of few points on all sets whose faces may oppose each other."""
     scale = request.object_.p_BBcm, request.object_.rho
     points = quick_points(request)
@@ -115,10 +127,10 @@ def _denser_triples(request: PlanRequest, steps: Steps) -> Triples:
     estimate = estimates(clear, found, *scale)
     best = found.take(best_places(found.region, estimate, len(estimate), PLACES))
     better = improved_triples(clear, found, *scale) if steps.improve else NO_TRIPLES
-    return joined(better, best)
+    return join_triples(better, best)
 
 
-def _best_known(request: PlanRequest, work: Contenders) -> Triples:
+def _best_known(request: PlanRequest, work: ProjectedCandidates) -> Triples:
     """The candidates of force closure that are the best by estimate, with room for tips or not."""
     rows = np.flatnonzero(has_contacts(work.candidates.p_BC))
     rows = rows[force_closure(*work.contacts_of(rows))]
@@ -128,8 +140,8 @@ def _best_known(request: PlanRequest, work: Contenders) -> Triples:
 
 
 def _with(
-    request: PlanRequest, steps: Steps, work: Contenders, sets: Ints, triples: Triples
-) -> Contenders:
+    request: PlanRequest, steps: Steps, work: ProjectedCandidates, sets: Ints, triples: Triples
+) -> ProjectedCandidates:
     """The candidates, what the paper's stages make of sets not among theirs, and triples."""
     old = work.plan
     fresh = request.plan(steps, with_sets(old.sets, sets)[len(old.sets) :])
@@ -137,6 +149,8 @@ def _with(
     plan = SetPlan(
         np.concatenate([old.sets, fresh.sets]),
         np.concatenate([old.code, fresh.code]),
-        joined_candidates(old.candidates, shifted),
+        join_candidates(old.candidates, shifted),
     )
-    return work.followed_by(contenders(request, plan, triples, len(old.candidates.set_index)))
+    return work.followed_by(
+        project_candidates(request, plan, triples, len(old.candidates.set_index))
+    )

@@ -16,8 +16,8 @@ from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.paper.orientation import least_opposing_friction
 from drake_polygrasp.paper.reasons import Method
-from drake_polygrasp.pipeline.judging import Rank, proved
-from drake_polygrasp.pipeline.ranking import certified_best, ranked_candidates
+from drake_polygrasp.pipeline.judging import Rank, prove_candidates
+from drake_polygrasp.pipeline.ranking import certify_best
 from drake_polygrasp.pipeline.request import make_request
 from drake_polygrasp.search.effort import EffortName
 from drake_polygrasp.search.selection import Steps
@@ -37,7 +37,7 @@ class GraspPlan:
     reasons: dict[str, int]
     """How many sets ended with each reason; they add up to num_sets."""
     seconds: dict[str, float]
-    """plan: up to ranked, exactly certified grasps; certify: their intervals and tolerances."""
+    """plan: until enough grasps are proved; certify: ranking, bounds of epsilon and tolerances."""
     settings: dict[str, Any]
     """What it takes to repeat the plan, for the grasp file."""
     mu_needed: float | None
@@ -130,15 +130,14 @@ def plan_grasps(
     request = make_request(
         object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
     )
-    work, proofs = proved(request, steps or Steps(), rank, top, effort)
-    order = ranked_candidates(work, proofs, rank)
+    judge = prove_candidates(request, steps or Steps(), rank, top, effort)
     planned = perf_counter()
-    grasps = certified_best(work, proofs, order, rank, top)
+    grasps = certify_best(judge, rank, top)
     certified = perf_counter()
     return GraspPlan(
         grasps,
         request.num_sets,
-        request.counts(work.set_codes()),
+        request.counts(judge.set_codes()),
         {"plan": planned - start, "certify": certified - planned},
         request.settings | {"rank": rank, "top": top, "effort": effort},
         None if grasps else least_opposing_friction(request.regions.nhat_TB_B),

@@ -17,7 +17,12 @@ from drake_polygrasp.geometry.face_sets import (
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.paper.orientation import sets_oppose
 from drake_polygrasp.paper.reasons import SetPlan, has_contacts, unplanned
-from drake_polygrasp.pipeline.candidates import Contenders, contenders, fits, is_clear
+from drake_polygrasp.pipeline.candidates import (
+    ProjectedCandidates,
+    clear_of_obstacles,
+    has_fingertip_room,
+    project_candidates,
+)
 from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.search.effort import FULL, QUICK
 from drake_polygrasp.search.face_support import points_on
@@ -34,7 +39,7 @@ from drake_polygrasp.search.selection import (
     usable,
 )
 from drake_polygrasp.search.set_bounds import promising_sets
-from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, joined
+from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, join_triples
 
 MANY_REGIONS = 24
 """Ours: of more, only the sets that the search finds go through the paper's stages."""
@@ -48,12 +53,12 @@ RESERVE = 3
 """Times one more than the grasps wanted, ours: triples that stay as they were found."""
 
 
-def constructed(request: PlanRequest, steps: Steps) -> Contenders:
+def constructed(request: PlanRequest, steps: Steps) -> ProjectedCandidates:
     """The paper's stages on every set."""
-    return contenders(request, request.plan(steps), None)
+    return project_candidates(request, request.plan(steps), None)
 
 
-def enriched(request: PlanRequest, steps: Steps) -> Contenders:
+def enriched(request: PlanRequest, steps: Steps) -> ProjectedCandidates:
     """The paper's constructions, triples of sample points, and the best of both improved."""
     regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
     if not (steps.search or steps.improve):
@@ -70,9 +75,9 @@ def enriched(request: PlanRequest, steps: Steps) -> Contenders:
             if len(chosen) < CHOSEN_SETS:
                 chosen = with_sets(chosen, _promising(request, found))
     plan = request.plan(steps, chosen)
-    triples = joined(_known(clear, plan), found)
+    triples = join_triples(_known(clear, plan), found)
     better = improved_triples(clear, triples, *scale) if steps.improve else found
-    return contenders(request, plan, better)
+    return project_candidates(request, plan, better)
 
 
 def _chosen(found: Triples) -> tuple[Triples, Ints]:
@@ -97,7 +102,7 @@ def _promising(request: PlanRequest, found: Triples) -> Ints:
     )
 
 
-def quick(request: PlanRequest, wanted: int) -> tuple[Contenders, Array]:
+def quick(request: PlanRequest, wanted: int) -> tuple[ProjectedCandidates, Array]:
     """Triples of sample points, and the best of them a little improved; and estimates of epsilon.
 
     These are of contacts on the planes of faces, before they are moved to the true surface.
@@ -117,9 +122,9 @@ def quick(request: PlanRequest, wanted: int) -> tuple[Contenders, Array]:
     best, estimate = found.take(rows), estimate[rows]
     starts = best.take(slice(effort.starts))
     p_BC, risen = improved(regions, starts.region, starts.p_BC, *scale, effort.rounds)
-    triples = joined(Triples(starts.region, p_BC), best)
+    triples = join_triples(Triples(starts.region, p_BC), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
-    return contenders(request, unplanned(sets), triples), np.concatenate([risen, estimate])
+    return project_candidates(request, unplanned(sets), triples), np.concatenate([risen, estimate])
 
 
 def quick_points(request: PlanRequest) -> tuple[Ints, Array]:
@@ -133,7 +138,7 @@ def quick_points(request: PlanRequest) -> tuple[Ints, Array]:
     flat = np.flatnonzero(~request.object_.polyhedron.is_patch[regions.face[region]])
     contacts = points_on(regions, region[flat], p_FC[flat]), regions.nhat_TB_B[region[flat]]
     has_room = np.ones(len(region), dtype=bool)
-    has_room[flat] = fits(request, *contacts) & is_clear(request, *contacts)
+    has_room[flat] = has_fingertip_room(request, *contacts) & clear_of_obstacles(request, *contacts)
     return region[has_room], p_FC[has_room]
 
 

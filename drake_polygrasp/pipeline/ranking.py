@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from drake_polygrasp.certification.certify import Proof
-from drake_polygrasp.certification.robustness import RELATIVE_GAP, Interval
-from drake_polygrasp.grasp import CertifiedGrasp
-from drake_polygrasp.pipeline.candidates import Contenders
+from drake_polygrasp.arrays import frozen
+from drake_polygrasp.certification.certify import Proof, certify
+from drake_polygrasp.certification.robustness import RELATIVE_GAP, Interval, epsilon_interval
+from drake_polygrasp.digits import on_grid, significant, to_decimals
+from drake_polygrasp.geometry.surface_contact import edge_distance
+from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Quality
+from drake_polygrasp.pipeline.candidates import KINDS, ProjectedCandidates
+from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.judging import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
@@ -25,10 +30,27 @@ class _Ranked:
     row: int
 
 
-def ranked_candidates(work: Contenders, proofs: dict[int, Proof], rank: Rank) -> list[_Ranked]:
-    """The best candidate of each set, best first."""
-    rows = np.array(sorted(proofs), dtype=np.int64)
-    margin = np.array([proofs[row].margin for row in rows.tolist()])
+def certify_best(judge: Judge, rank: Rank, top: int) -> tuple[CertifiedGrasp, ...]:
+    """Ranks what is proved, the best candidate of each set of faces, and certifies the best.
+
+    Args:
+        judge: the candidates and their proofs.
+        rank: what puts one grasp before another.
+        top: how many grasps to return at most.
+
+    Returns:
+        The grasps with their certificates, best first.
+    """
+    ranked = _ranked_candidates(judge, rank)
+    measured = _of_greatest_epsilon(judge.work, ranked, top) if rank == "epsilon" else {}
+    rows = list(measured) or [entry.row for entry in ranked[:top]]
+    return _certified(judge, rows, [measured.get(row) for row in rows])
+
+
+def _ranked_candidates(judge: Judge, rank: Rank) -> list[_Ranked]:
+    """Returns the best candidate of each set, best first."""
+    work, rows = judge.work, np.array(sorted(judge.proofs), dtype=np.int64)
+    margin = np.array([judge.proofs[row].margin for row in rows.tolist()])
     if rank == "Q":
         score = work.candidates.Q[rows]
     elif rank == "margin" or len(rows) == 1:  # one alone needs no score
@@ -50,18 +72,10 @@ def ranked_candidates(work: Contenders, proofs: dict[int, Proof], rank: Rank) ->
     return first
 
 
-def certified_best(
-    work: Contenders, proofs: dict[int, Proof], ranked: list[_Ranked], rank: Rank, top: int
-) -> tuple[CertifiedGrasp, ...]:
-    """The `top` best with their certificates."""
-    measured = _of_greatest_epsilon(work, ranked, top) if rank == "epsilon" else {}
-    rows = list(measured) or [entry.row for entry in ranked[:top]]
-    epsilons = [measured.get(row) for row in rows]
-    return work.certified(np.array(rows, dtype=np.int64), [proofs[row] for row in rows], epsilons)
-
-
-def _of_greatest_epsilon(work: Contenders, ranked: list[_Ranked], top: int) -> dict[int, Interval]:
-    """The `top` rows of greatest epsilon, best first, with its bounds.
+def _of_greatest_epsilon(
+    work: ProjectedCandidates, ranked: list[_Ranked], top: int
+) -> dict[int, Interval]:
+    """Returns the `top` rows of greatest epsilon, best first, with its bounds.
 
     Scores are upper bounds: candidates are measured until that of none of the rest is above the
     intervals of the best by more than these are wide.
@@ -72,7 +86,66 @@ def _of_greatest_epsilon(work: Contenders, ranked: list[_Ranked], top: int) -> d
         least = min(epsilon.upper for _, epsilon in found) if full else -np.inf
         if -entry.score * (1.0 - RELATIVE_GAP) <= least:
             break
-        epsilon = work.epsilon(entry.row, at_least=-found[-1][0].score if full else 0.0)
+        epsilon = _epsilon(work, entry.row, at_least=-found[-1][0].score if full else 0.0)
         found.append((replace(entry, score=-round(epsilon.lower, 9)), epsilon))
         found = sorted(found, key=lambda pair: pair[0])[:top]
     return {entry.row: epsilon for entry, epsilon in found}
+
+
+def _epsilon(work: ProjectedCandidates, row: int, at_least: float) -> Interval:
+    """Bounds a candidate's epsilon, closely only if it reaches `at_least`."""
+    p_BC, nhat_TB_B, mu = (values[row] for values in work.contacts)
+    scale = work.request.object_.p_BBcm, work.request.object_.rho
+    return epsilon_interval(p_BC, nhat_TB_B, mu, *scale, at_least=at_least)
+
+
+def _certified(
+    judge: Judge, rows: list[int], intervals: list[Interval | None]
+) -> tuple[CertifiedGrasp, ...]:
+    """Certifies proved candidates; bounds epsilon where no interval of it is given."""
+    work, order = judge.work, np.array(rows, dtype=np.int64)
+    p_BC, face = work.candidates.p_BC[order], work.face[order]
+    polyhedron = work.request.object_.polyhedron
+    clearance = edge_distance(polyhedron, p_BC.reshape(-1, 3), face.ravel()).reshape(-1, 3)
+    return tuple(
+        _certified_grasp(work, row, judge.proofs[row], epsilon, float(least))
+        for row, epsilon, least in zip(rows, intervals, clearance.min(axis=1), strict=True)
+    )
+
+
+def _certified_grasp(
+    work: ProjectedCandidates, row: int, proof: Proof, epsilon: Interval | None, clearance: float
+) -> CertifiedGrasp:
+    rows, object_ = work.candidates, work.request.object_
+    a, b, c = work.face[row].tolist()
+    grasp = Grasp(
+        frozen(rows.p_BC[row]),
+        frozen(work.nhat_TB_B[row]),
+        frozen(work.mu[row]),
+        KINDS[work.kind[row]],
+        (a, b, c),
+        GraspPlane(
+            frozen(to_decimals(rows.nhat_B[row])),
+            frozen(on_grid(rows.p_BP[row], object_.polyhedron.diameter)),
+        ),
+        _quality(work, row),
+    )
+    certified = certify(
+        grasp,
+        mass=object_.mass,
+        p_BBcm=object_.p_BBcm,
+        rho=object_.rho,
+        edge_distance=clearance,
+        proof=proof,
+        epsilon=epsilon,
+    )
+    assert isinstance(certified, CertifiedGrasp)  # it is proved already
+    return replace(certified, tip_radius=work.request.tip_radius)
+
+
+def _quality(work: ProjectedCandidates, row: int) -> Quality | None:
+    q_1, q_2, q_3, q_4, q_5 = q = to_decimals(work.candidates.q[row]).tolist()
+    if np.isnan(q).any():
+        return None
+    scale: Literal["paper", "object"] = "paper" if work.request.method == "paper" else "object"
+    return Quality(scale, float(significant(np.prod(q))), (q_1, q_2, q_3, q_4, q_5))

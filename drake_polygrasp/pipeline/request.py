@@ -14,7 +14,7 @@ from drake_polygrasp.arrays import Ints
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import check_same_body
 from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
-from drake_polygrasp.geometry.face_sets import all_sets, count_sets, rows_of
+from drake_polygrasp.geometry.face_sets import all_sets, count_sets, find_rows
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.regions import (
     CLEARANCE_OF_INRADIUS,
@@ -22,7 +22,7 @@ from drake_polygrasp.geometry.regions import (
     Regions,
     erode,
 )
-from drake_polygrasp.geometry.seating import least_tip
+from drake_polygrasp.geometry.surface_contact import effective_tip_radius
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.reasons import CODE, REASONS, UNJUDGED, Method, SetPlan
 from drake_polygrasp.paper.stages import plan_sets
@@ -83,7 +83,7 @@ class PlanRequest:
             return sets, code
         every = all_sets(len(self.every_face))
         codes = np.full(len(every), CODE["excluded"], dtype=np.int8)
-        codes[rows_of(every, np.append(self.kept, -1)[sets])] = code
+        codes[find_rows(every, np.append(self.kept, -1)[sets])] = code
         return every, codes
 
     @property
@@ -153,7 +153,7 @@ def make_request(
     excluded = exclusion(object_.polyhedron, avoid_directions, exclude_faces)
     settings |= excluded.settings
     if obstacles is not None:
-        width = 2 * least_tip(object_.polyhedron, tip)
+        width = 2 * effective_tip_radius(object_.polyhedron, tip)
         if width > obstacles.reach:
             raise UsageError(
                 f"obstacles are known within {obstacles.reach:g} m of the object, and a fingertip "

@@ -41,7 +41,7 @@ from drake_polygrasp.plant import simulation, statics
 from drake_polygrasp.plant.clearance import check_clearance
 from drake_polygrasp.plant.contact_geometry import check_geometry
 from drake_polygrasp.plant.drake_calls import Refusal, ask_drake
-from drake_polygrasp.plant.scratch_plant import Scene, make_scene
+from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
 
 LOAD_SHARE = 0.8
 """Ours: of what the squeeze bears in the worst direction. The hand squeezes with the squeeze force
@@ -68,7 +68,7 @@ class PlantReport(PlantRecord):
 
     equilibria: tuple[statics.Equilibrium, ...] = ()
     """Of the weight along +x, +y, +z, -x, -y, -z of B."""
-    trace: simulation.Trace | None = None
+    trace: simulation.SimulationRecord | None = None
     loads: tuple[str, ...] = ()
     """What the trace's loads are."""
 
@@ -138,8 +138,8 @@ def certify_in_plant(
         plan = _plan(scene)
     else:
         said = "does not hold" if geometry.verdict is Verdict.FAILS else "is undecided"
-        plan = Obstacle(Verdict.UNDECIDED, f"not run: the geometry {said}")
-    if isinstance(plan, Obstacle):
+        plan = LoadsUnavailable(Verdict.UNDECIDED, f"not run: the geometry {said}")
+    if isinstance(plan, LoadsUnavailable):
         rest = (
             PlantVerdict("statics", plan.verdict, None, "N", plan.reason),
             PlantVerdict("simulation", plan.verdict, None, "1", plan.reason),
@@ -153,7 +153,7 @@ def certify_in_plant(
         (*mathematics, geometry, *held),
         settings | {"squeeze": squeeze, "time_step": simulation.time_step(scene, squeeze)},
         () if isinstance(equilibria, Refusal) else equilibria,
-        trace if isinstance(trace, simulation.Trace) else None,
+        trace if isinstance(trace, simulation.SimulationRecord) else None,
         plan.labels,
     )
 
@@ -195,7 +195,7 @@ def _undecided(name: str, unit: str, refusal: Refusal) -> PlantVerdict:
     return PlantVerdict(name, Verdict.UNDECIDED, None, unit, f"Drake refuses it: {refusal.reason}")
 
 
-def _geometry(scene: Scene, surroundings: Surroundings) -> PlantVerdict:
+def _geometry(scene: ScratchScene, surroundings: Surroundings) -> PlantVerdict:
     fit = ask_drake(lambda: check_geometry(scene))
     if isinstance(fit, Refusal):
         return _undecided("geometry", "m", fit)
@@ -212,7 +212,7 @@ def _geometry(scene: Scene, surroundings: Surroundings) -> PlantVerdict:
 
 
 @dataclass(frozen=True)
-class Obstacle:
+class LoadsUnavailable:
     """Why no loads can be planned, or those planned are not simulated."""
 
     verdict: Verdict
@@ -235,7 +235,7 @@ class LoadPlan:
         return self.holding.rows(slice(_NUM_WEIGHTS))
 
 
-def plan_loads(scene: Scene) -> LoadPlan | Obstacle:
+def plan_loads(scene: ScratchScene) -> LoadPlan | LoadsUnavailable:
     """The weight along each axis, and disturbances along each axis and where W is narrowest.
 
     A disturbance is a whole load, the weight included: a force [N] along an axis of B or a torque
@@ -243,15 +243,15 @@ def plan_loads(scene: Scene) -> LoadPlan | Obstacle:
     """
     object_, grasp = scene.object_, scene.grasp
     if object_.mass is None:
-        return Obstacle(Verdict.UNDECIDED, "not run: the model states no mass")
+        return LoadsUnavailable(Verdict.UNDECIDED, "not run: the model states no mass")
     if not _has_inertia(scene.solid):
-        return Obstacle(
+        return LoadsUnavailable(
             Verdict.UNDECIDED, "not run: about some axis the model states no rotational inertia"
         )
     contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
     needed = squeeze_force(*contacts, object_.p_BBcm, object_.rho, object_.mass)
     if needed is None:
-        return Obstacle(Verdict.FAILS, "no squeeze holds the weight in every orientation")
+        return LoadsUnavailable(Verdict.FAILS, "no squeeze holds the weight in every orientation")
     squeeze = needed / LOAD_SHARE
     axes = np.concatenate([np.eye(6), -np.eye(6)])
     weight = object_.mass * GRAVITY * np.concatenate([np.eye(3, 6), -np.eye(3, 6)])
@@ -262,15 +262,15 @@ def plan_loads(scene: Scene) -> LoadPlan | Obstacle:
     loads = np.vstack([np.zeros(6), weight, disturbances])
     holding = hold(grasp, object_.p_BBcm, object_.rho, loads, squeeze)
     if holding is None:
-        return Obstacle(Verdict.FAILS, "no contact forces hold the loads")
+        return LoadsUnavailable(Verdict.FAILS, "no contact forces hold the loads")
     return LoadPlan(holding.f_Bc_B[0], holding.rows(slice(1, None)), LABELS)
 
 
-def _plan(scene: Scene) -> LoadPlan | Obstacle:
+def _plan(scene: ScratchScene) -> LoadPlan | LoadsUnavailable:
     """`plan_loads`, or that Drake refuses to."""
     plan = ask_drake(lambda: plan_loads(scene))
     if isinstance(plan, Refusal):
-        return Obstacle(Verdict.UNDECIDED, f"not run: Drake plans no forces: {plan.reason}")
+        return LoadsUnavailable(Verdict.UNDECIDED, f"not run: Drake plans no forces: {plan.reason}")
     return plan
 
 
@@ -282,13 +282,13 @@ def _has_inertia(solid: Solid) -> bool:
 
 
 def _simulated(
-    scene: Scene, plan: LoadPlan, meshcat: Meshcat | None
-) -> simulation.Trace | Refusal | Obstacle:
+    scene: ScratchScene, plan: LoadPlan, meshcat: Meshcat | None
+) -> simulation.SimulationRecord | Refusal | LoadsUnavailable:
     """What happens under the loads, or why that is not simulated."""
     squeeze = plan.holding.squeeze
     step = simulation.time_step(scene, squeeze)
     if step < simulation.MIN_TIME_STEP:
-        return Obstacle(
+        return LoadsUnavailable(
             Verdict.UNDECIDED,
             f"not run: to simulate a squeeze of {squeeze:.2g} N on this mass and inertia takes "
             f"time steps of {step:.1g} s, which are too many",
@@ -310,9 +310,11 @@ def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium] | Refusal
 
 
 def _simulation(
-    scene: Scene, plan: LoadPlan, trace: simulation.Trace | Refusal | Obstacle
+    scene: ScratchScene,
+    plan: LoadPlan,
+    trace: simulation.SimulationRecord | Refusal | LoadsUnavailable,
 ) -> PlantVerdict:
-    if isinstance(trace, Obstacle):
+    if isinstance(trace, LoadsUnavailable):
         return PlantVerdict("simulation", trace.verdict, None, "1", trace.reason)
     if isinstance(trace, Refusal):
         return _undecided("simulation", "1", trace)

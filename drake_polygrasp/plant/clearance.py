@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from drake_polygrasp.geometry.tolerances import FLATNESS
 from drake_polygrasp.loading.surroundings import Surroundings
-from drake_polygrasp.plant.scratch_plant import Scene
+from drake_polygrasp.plant.scratch_plant import ScratchScene
 from drake_polygrasp.plant.surface_distance import SurfaceDistance
 
 
@@ -20,7 +20,7 @@ class Clearance(NamedTuple):
     """Which fingertip penetrates what, and by how much; the deepest first."""
 
 
-def check_clearance(scene: Scene, surroundings: Surroundings) -> Clearance:
+def check_clearance(scene: ScratchScene, surroundings: Surroundings) -> Clearance:
     """Measures from the fingertips' centres to links on the object's joints and all around it.
 
     The tolerance is 2 `FLATNESS` L, for what stands around was not modelled closer; the planner

@@ -20,9 +20,9 @@ from pydrake.multibody.plant import (
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.seating import CRACK, face_of
+from drake_polygrasp.geometry.surface_contact import CRACK, face_at
 from drake_polygrasp.geometry.tolerances import ON_SURFACE
-from drake_polygrasp.plant.scratch_plant import Scene, add_surface, add_tip
+from drake_polygrasp.plant.scratch_plant import ScratchScene, add_surface, add_tip
 from drake_polygrasp.plant.surface_distance import Nearest, SurfaceDistance
 
 ROUNDING = 1e-9
@@ -40,7 +40,7 @@ class Fit(NamedTuple):
     """Why Drake did not measure a distance, which was then measured on triangles."""
 
 
-def check_geometry(scene: Scene) -> Fit:
+def check_geometry(scene: ScratchScene) -> Fit:
     """Checks contacts, normals, friction and room for the fingertips against the model.
 
     Every distance has the tolerance `ON_SURFACE` L.
@@ -56,10 +56,10 @@ def check_geometry(scene: Scene) -> Fit:
     return Fit(tolerance - distances[0][0], tuple(faults), surface.refusal)
 
 
-def _facet_faults(scene: Scene) -> Iterator[str]:
+def _facet_faults(scene: ScratchScene) -> Iterator[str]:
     """Where the model's facets do not bear out a contact or its friction."""
     grasp, polyhedron = scene.grasp, scene.object_.polyhedron
-    faces = face_of(polyhedron, grasp.p_BC, grasp.nhat_TB_B).tolist()
+    faces = face_at(polyhedron, grasp.p_BC, grasp.nhat_TB_B).tolist()
     for i, (face, mu) in enumerate(zip(faces, grasp.mu.tolist(), strict=True), start=1):
         if face < 0:
             yield f"contact {i} is on no facet with its normal"
@@ -69,7 +69,7 @@ def _facet_faults(scene: Scene) -> Iterator[str]:
         yield "a contact is on an edge of its face"
 
 
-def _friction_faults(scene: Scene) -> Iterator[str]:
+def _friction_faults(scene: ScratchScene) -> Iterator[str]:
     """Where Drake makes another coefficient of the pair than the contact's."""
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
     surface = add_surface(plant, plant.AddRigidBody("object", scene.solid.M_BBo_B), scene)
@@ -88,7 +88,7 @@ def _friction_faults(scene: Scene) -> Iterator[str]:
                     yield f"friction at contact {i} is {combined:.6g} in the plant, not {mu:.6g}"
 
 
-def _distances(scene: Scene, surface: SurfaceDistance) -> Iterator[tuple[float, str]]:
+def _distances(scene: ScratchScene, surface: SurfaceDistance) -> Iterator[tuple[float, str]]:
     """By how much each thing is off [m], and what that would mean."""
     radius, p_BT = scene.tip_radius, scene.p_BT
     for i in range(3):
@@ -101,7 +101,7 @@ def _distances(scene: Scene, surface: SurfaceDistance) -> Iterator[tuple[float, 
         yield 2 * radius - apart, f"fingertips {i + 1} and {j + 1} overlap"
 
 
-def _off_contact(scene: Scene, surface: SurfaceDistance, i: int, tip: Nearest) -> float:
+def _off_contact(scene: ScratchScene, surface: SurfaceDistance, i: int, tip: Nearest) -> float:
     """How far sideways of contact i a sphere that should touch there touches the surface [m].
 
     The radius to where a sphere touches is the surface's normal. A fingertip on a noisy surface may

@@ -17,7 +17,7 @@ from pydrake.multibody.tree import RigidBody
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.geometry.seating import edge_distance, face_of, least_tip
+from drake_polygrasp.geometry.surface_contact import edge_distance, effective_tip_radius, face_at
 from drake_polygrasp.grasp import Grasp, GraspObject
 from drake_polygrasp.loading.object_model import Solid, load_solid
 
@@ -26,7 +26,7 @@ _DISSIPATION = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class ScratchScene:
     """What scratch plants are made of."""
 
     object_: GraspObject
@@ -55,8 +55,8 @@ def make_scene(
     tip_radius: float,
     package_paths: Sequence[str | Path] = (),
     packages: Mapping[str, str | Path] | None = None,
-) -> Scene:
-    """The object from its own file, and fingertips of `tip_radius` [m], as of `least_tip` at least.
+) -> ScratchScene:
+    """The object from its own file, and fingertips of `effective_tip_radius` [m].
 
     Raises ModelError when the object came from no file or the file cannot be read again.
     """
@@ -65,19 +65,19 @@ def make_scene(
             "a grasp is checked in a plant with the object's own file, and it has none; give "
             "object_from_plant the body's model_file"
         )
-    face = face_of(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B)
+    face = face_at(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B)
     distance = edge_distance(object_.polyhedron, grasp.p_BC, face).min()
-    return Scene(
+    return ScratchScene(
         object_,
         load_solid(object_.source, package_paths, packages),
         grasp,
-        least_tip(object_.polyhedron, tip_radius),
+        effective_tip_radius(object_.polyhedron, tip_radius),
         math.sqrt(2.0) * float(distance),
     )
 
 
 def add_surface(
-    plant: MultibodyPlant, body: RigidBody, scene: Scene, stiffness: float | None = None
+    plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, stiffness: float | None = None
 ) -> list[GeometryId]:
     """The model's own collision geometry, its point contact of `stiffness` [N/m]."""
     return [
@@ -89,7 +89,7 @@ def add_surface(
 
 
 def add_covers(
-    plant: MultibodyPlant, body: RigidBody, scene: Scene, stiffness: float | None = None
+    plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, stiffness: float | None = None
 ) -> list[GeometryId]:
     """The collision geometry of links on the object's joints, locked where they are by default."""
     return [
@@ -101,7 +101,7 @@ def add_covers(
 
 
 def add_pads(
-    plant: MultibodyPlant, body: RigidBody, scene: Scene, stiffness: float | None = None
+    plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, stiffness: float | None = None
 ) -> list[GeometryId]:
     """A cube under each contact, flush with its face, of the contact's friction."""
     w, grasp = scene.pad_width, scene.grasp
@@ -119,7 +119,7 @@ def add_pads(
 def add_tip(
     plant: MultibodyPlant,
     body: RigidBody,
-    scene: Scene,
+    scene: ScratchScene,
     i: int,
     *,
     on_pad: bool,

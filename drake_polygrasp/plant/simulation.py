@@ -37,7 +37,13 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.holding_forces import Holding, normal_forces
-from drake_polygrasp.plant.scratch_plant import Scene, add_covers, add_pads, add_surface, add_tip
+from drake_polygrasp.plant.scratch_plant import (
+    ScratchScene,
+    add_covers,
+    add_pads,
+    add_surface,
+    add_tip,
+)
 
 MAX_TIME_STEP = 1e-3
 """[s]"""
@@ -81,7 +87,7 @@ _TIP_COLOUR = np.array([0.9, 0.4, 0.1, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class SimulationRecord:
     """What happened, N samples: first the settling, then every load in turn."""
 
     time: Array
@@ -97,7 +103,7 @@ class Trace:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SimulationOutcome:
     """What the worst load leaves of each bound, as a share of it; negative where exceeded."""
 
     slip: float
@@ -113,7 +119,7 @@ class Outcome:
         return max(left, -1.0) if self.lost is None else -1.0
 
 
-def time_step(scene: Scene, squeeze: float) -> float:
+def time_step(scene: ScratchScene, squeeze: float) -> float:
     """Returns the time step [s]: the longest that divides `SAMPLE` and that Drake's contact bears.
 
     One below `MIN_TIME_STEP` is for no simulation.
@@ -127,7 +133,7 @@ def time_step(scene: Scene, squeeze: float) -> float:
     return SAMPLE / math.ceil(float(SAMPLE / longest) * (1 - 1e-9))
 
 
-def _contact_mass(scene: Scene) -> float:
+def _contact_mass(scene: ScratchScene) -> float:
     """The object's mass, or less where impulses at its contacts turn it more than a box [kg]."""
     p_BBcm, rho = scene.solid.M_BBo_B.get_com(), scene.object_.rho
     M_BBcm_B = scene.solid.M_BBo_B.Shift(p_BBcm)
@@ -157,8 +163,8 @@ def settings() -> dict[str, Any]:
 
 
 def simulate(
-    scene: Scene, squeeze_f_B: Array, holding: Holding, meshcat: Meshcat | None = None
-) -> Trace:
+    scene: ScratchScene, squeeze_f_B: Array, holding: Holding, meshcat: Meshcat | None = None
+) -> SimulationRecord:
     """Squeeze an object, and load it.
 
     The trace ends early where the object is lost beyond what Drake can compute.
@@ -175,7 +181,7 @@ def simulate(
     return _Harness(scene, squeeze, meshcat).run(holding.wrench_B, pushes)
 
 
-def judge(trace: Trace, num_loads: int, diameter: float) -> Outcome:
+def judge(trace: SimulationRecord, num_loads: int, diameter: float) -> SimulationOutcome:
     """Hold a trace under `num_loads` loads against the bounds, for an object of `diameter` [m]."""
     slip, creep, force = 0.0, 0.0, 0.0
     half = round(HOLD_TIME / SAMPLE / 2)
@@ -183,7 +189,7 @@ def judge(trace: Trace, num_loads: int, diameter: float) -> Outcome:
         rows = np.flatnonzero(trace.load == load)
         held = rows[-half:] if load < 0 else rows
         if not len(rows) or not (trace.normal_force[held] > 0).all():
-            return Outcome(1.0, 1.0, 1.0, load)
+            return SimulationOutcome(1.0, 1.0, 1.0, load)
         end, before = rows[-1], rows[-1 - half]
         planned = trace.planned_force[end]
         force = max(force, np.abs(trace.normal_force[end] - planned).max() / planned.mean())
@@ -191,7 +197,7 @@ def judge(trace: Trace, num_loads: int, diameter: float) -> Outcome:
             slip = max(slip, _longest(trace.slip_W[rows]))
             run = _longest(trace.slip_W[end] - trace.slip_W[before])
             creep = max(creep, run / (half * SAMPLE))
-    return Outcome(
+    return SimulationOutcome(
         float(1.0 - slip / (MAX_SLIP * diameter)),
         float(1.0 - creep / (MAX_CREEP * diameter)),
         float(1.0 - force / FORCE_TOLERANCE),
@@ -206,7 +212,7 @@ def _longest(vectors: Array) -> float:
 class _Harness:
     """A diagram of object and hand, advanced sample by sample."""
 
-    def __init__(self, scene: Scene, squeeze: Array, meshcat: Meshcat | None) -> None:
+    def __init__(self, scene: ScratchScene, squeeze: Array, meshcat: Meshcat | None) -> None:
         self._scene, self._squeeze = scene, squeeze
         self._stiffness = float(squeeze.sum()) / (TIP_TRAVEL * scene.object_.polyhedron.diameter)
         builder = DiagramBuilder()
@@ -263,7 +269,7 @@ class _Harness:
         plant.Finalize()
         plant.set_stiction_tolerance(STICTION_SPEED * self._scene.object_.polyhedron.diameter)
 
-    def run(self, wrench_B: Array, pushes: Array) -> Trace:
+    def run(self, wrench_B: Array, pushes: Array) -> SimulationRecord:
         """Settle, then every load of wrench_B, shape (K, 6), against pushes [N], shape (K, 3)."""
         if self._visualizer is not None:
             self._visualizer.StartRecording()
@@ -280,7 +286,7 @@ class _Harness:
             self._visualizer.StopRecording()
             self._visualizer.PublishRecording()
         time, load_index, slip_W, normal_force, planned = zip(*self._samples, strict=True)
-        return Trace(
+        return SimulationRecord(
             frozen(time),
             frozen(load_index, np.int64),
             frozen(slip_W),

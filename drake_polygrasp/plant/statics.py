@@ -27,7 +27,7 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.holding_forces import Holding, spare_friction
 from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.grasp import HeldWeight
-from drake_polygrasp.plant.scratch_plant import Scene, add_pads, add_tip
+from drake_polygrasp.plant.scratch_plant import ScratchScene, add_pads, add_tip
 
 TOLERANCE = 1e-6
 """Ours: what may stay unbalanced, times the weight; what SNOPT aims at, times the weight and, for
@@ -58,7 +58,7 @@ class Equilibrium(HeldWeight):
         return ""
 
 
-def find_equilibria(scene: Scene, holding: Holding) -> tuple[Equilibrium, ...]:
+def find_equilibria(scene: ScratchScene, holding: Holding) -> tuple[Equilibrium, ...]:
     """Equilibria under each load of `holding`, which are the weight in K directions."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
@@ -84,7 +84,7 @@ def find_equilibria(scene: Scene, holding: Holding) -> tuple[Equilibrium, ...]:
     return tuple(equilibria)
 
 
-def _residual(scene: Scene, plant: MultibodyPlant, p_BC: Array, f_Bc_B: Array) -> float:
+def _residual(scene: ScratchScene, plant: MultibodyPlant, p_BC: Array, f_Bc_B: Array) -> float:
     """What contact forces leave unbalanced of gravity, torques over rho, over the weight."""
     context = plant.CreateDefaultContext()
     forces = MultibodyForces(plant)

@@ -1,8 +1,9 @@
 """Beyond the paper: the parts of regions where fingertips have room, before contacts are sought.
 
 Contacts that move freely end where faces are longest, often in inner corners of the object, where
-no fingertip fits. Whether one fits at last is decided on the true surface (geometry/seating.py);
-here regions lose what is near to anything that rises out of their face, and to obstacles.
+no fingertip fits. Whether one fits at last is decided on the true surface, by
+`fingertip_fits`; here regions lose what is near to anything that rises out of their face, and to
+obstacles.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from drake_polygrasp.arrays import Array, Ints, Shapes, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.regions import Regions
-from drake_polygrasp.geometry.seating import least_tip
+from drake_polygrasp.geometry.surface_contact import effective_tip_radius
 from drake_polygrasp.geometry.tolerances import FLATNESS
 from drake_polygrasp.vectors import circle, times, transformed
 
@@ -48,7 +49,7 @@ def with_tip_room(
         lowest = np.maximum(_FLAT * L, reach)
         regions = _beside(regions, polyhedron.triangles_B, lowest, tip_radius)
     if obstacles is not None:
-        tip_radius = least_tip(polyhedron, tip_radius)
+        tip_radius = effective_tip_radius(polyhedron, tip_radius)
         lowest = np.full(len(regions.face), _FLAT * L)
         regions = _beside(regions, obstacles.surface_B, lowest, tip_radius)
         regions = _outside(regions, obstacles, tip_radius)

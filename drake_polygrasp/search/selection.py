@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.geometry.face_sets import place_in_set, set_numbers
+from drake_polygrasp.geometry.face_sets import rank_within_set, set_numbers
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.search.effort import FULL, Effort
 from drake_polygrasp.search.face_support import contacts_on, points_in_faces
@@ -82,15 +82,15 @@ def best_places(region: Ints, estimate: Array, num: int, places: int) -> Ints:
         Up to `num` rows, best first, at most `places` of them on one set.
     """
     rows = best_first(estimate)
-    return rows[place_in_set(set_numbers(region[rows])) < places][:num]
+    return rows[rank_within_set(set_numbers(region[rows])) < places][:num]
 
 
 def best_first(value: Array) -> Ints:
     """Rows by falling value; of ties the first comes first."""
-    return np.argsort(-tied(value), kind="stable")
+    return np.argsort(-rounded_for_ties(value), kind="stable")
 
 
-def tied(value: Array) -> Array:
+def rounded_for_ties(value: Array) -> Array:
     """The values, with those that are a tie made equal."""
     scale = EQUAL * max(value.max(initial=0.0), np.finfo(float).tiny)
     rounded: Array = scale * np.round(value / scale)

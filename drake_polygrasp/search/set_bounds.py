@@ -16,7 +16,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.face_sets import pairs
 from drake_polygrasp.geometry.regions import Regions, boundary
-from drake_polygrasp.search.set_cover import Singles, cover
+from drake_polygrasp.search.set_cover import Singles, best_covering_triples
 from drake_polygrasp.search.triples import (
     Triples,
     cone_support,
@@ -60,7 +60,7 @@ def promising_sets(
         Regions of each set, ascending, -1 for a pair's third, greatest bound first, shape (M, 3).
     """
     H = region_support(regions, known, p_BBcm, rho)
-    triples = cover(H, most)
+    triples = best_covering_triples(H, most)
     triples = triples[opposing(regions.nhat_TB_B[triples], regions.mu[triples])]
     couples = pairs(len(regions.face))
     couples = couples[opposing(regions.nhat_TB_B[couples], regions.mu[couples])]

@@ -29,7 +29,7 @@ _CACHED = 150_000
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
-def cover(h: Singles, num: int) -> Ints:
+def best_covering_triples(h: Singles, num: int) -> Ints:
     """The `num` triples i < j < k of greatest min_w max(h_i, h_j, h_k), greatest first.
 
     Args:

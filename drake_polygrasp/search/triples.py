@@ -18,7 +18,7 @@ from drake_polygrasp.geometry.face_sets import first_of_each_set
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.search.effort import FULL, Effort
 from drake_polygrasp.search.face_support import contacts_on, points_on
-from drake_polygrasp.search.set_cover import Singles, cover
+from drake_polygrasp.search.set_cover import Singles, best_covering_triples
 from drake_polygrasp.vectors import times, unit
 from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import COARSE_TURNS, critical_directions
@@ -55,7 +55,7 @@ class Triples:
 NO_TRIPLES = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
 
 
-def joined(first: Triples, second: Triples) -> Triples:
+def join_triples(first: Triples, second: Triples) -> Triples:
     """All rows of both."""
     return Triples(
         np.concatenate([first.region, second.region]), np.concatenate([first.p_BC, second.p_BC])
@@ -92,15 +92,17 @@ def best_triples(
     w, found = spread_directions(cones, SHELLS if is_many else SHELLS[:-1]), NO_TRIPLES
     for number in range(MOST_PASSES):
         some = np.arange(0, len(region), strides[min(number, len(strides) - 1)])
-        rows = some[cover(cone_support(cones[some], w), max(effort.kept, len(some)))]
+        rows = some[
+            best_covering_triples(cone_support(cones[some], w), max(effort.kept, len(some)))
+        ]
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
         holds = triples.take(holding)
-        found = joined(holds, found)
+        found = join_triples(holds, found)
         if number + 1 >= len(strides) and len(found.region) >= ENOUGH * effort.kept:
             break
         slips = triples.take(np.setdiff1d(np.arange(len(rows)), holding))
-        sources = joined(
+        sources = join_triples(
             _first_of_sets(holds, effort.sources), _first_of_sets(slips, effort.sources)
         )
         w = np.concatenate([w, weakest_directions(regions, sources, p_BBcm, rho)])

@@ -42,7 +42,7 @@ PLANE_TOLERANCE = 1e-5
 """Ours, times rho: how far contacts may be off their grasp plane; faces are flat to 1e-6 L."""
 
 
-def force_faults(stated: StatedGrasp) -> Iterator[str]:
+def force_violations(stated: StatedGrasp) -> Iterator[str]:
     """Why the internal force is no proof of force closure, or not the one that is spelt out."""
     grasp, x = stated.grasp, stated.certificate.internal_force
     check = check_proof(grasp, x)
@@ -60,7 +60,9 @@ def check_proof(grasp: Grasp, x: Array) -> exact.Check:
     return exact.check_force_closure(*_contacts(grasp), x.tolist())
 
 
-def number_faults(stated: StatedGrasp, object_: StatedObject, clearance: float | None) -> list[str]:
+def number_violations(
+    stated: StatedGrasp, object_: StatedObject, clearance: float | None
+) -> list[str]:
     """Which numbers flatter the grasp.
 
     Args:

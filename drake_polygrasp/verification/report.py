@@ -23,7 +23,7 @@ class Status(StrEnum):
 
 
 @dataclass(frozen=True)
-class Line:
+class CheckResult:
     """A status and, where there is something to say, a sentence."""
 
     status: Status
@@ -34,22 +34,22 @@ class Line:
 class GraspReport:
     """The three lines of one grasp, and what a plant says of it."""
 
-    forces: Line
-    surface: Line
-    numbers: Line
+    forces: CheckResult
+    surface: CheckResult
+    numbers: CheckResult
     plant: PlantReport | None = None
     """None where it was not asked for, or the lines leave nothing to ask."""
     stated_plant: PlantRecord | None = None
     """What the file states of a plant: not proved again unless it was asked for."""
 
     @property
-    def lines(self) -> dict[str, Line]:
+    def lines(self) -> dict[str, CheckResult]:
         """By name, as they are printed."""
         return {"FORCES": self.forces, "SURFACE": self.surface, "NUMBERS": self.numbers}
 
 
 @dataclass(frozen=True)
-class Report:
+class VerificationReport:
     """What verification found, grasps in the file's order."""
 
     path: Path

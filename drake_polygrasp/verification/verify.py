@@ -22,17 +22,22 @@ from drake_polygrasp.files.plan_block import exclusion_of
 from drake_polygrasp.files.stated_grasp import GraspFile, StatedGrasp, StatedObject
 from drake_polygrasp.geometry.exclusion import Exclusion
 from drake_polygrasp.geometry.polyhedron import Polyhedron
-from drake_polygrasp.geometry.seating import Touch, edge_distance, touch
+from drake_polygrasp.geometry.surface_contact import LocatedContacts, edge_distance, locate_contacts
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.packages import find_packages, resolve
 from drake_polygrasp.progress import Progress, no_progress
-from drake_polygrasp.verification.numbers import ROUNDING, check_proof, force_faults, number_faults
+from drake_polygrasp.verification.numbers import (
+    ROUNDING,
+    check_proof,
+    force_violations,
+    number_violations,
+)
 
 if TYPE_CHECKING:
     from drake_polygrasp.loading.surroundings import Surroundings
-from drake_polygrasp.verification.report import GraspReport, Line, Report, Status
+from drake_polygrasp.verification.report import CheckResult, GraspReport, Status, VerificationReport
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,7 @@ class _Model:
     """The model a file names, or why SURFACE cannot be checked against it."""
 
     object_: GraspObject | None
-    line: Line
+    line: CheckResult
     warnings: tuple[str, ...] = ()
 
 
@@ -52,7 +57,7 @@ def verify_file(
     plant: bool = False,
     scene: Path | str | None = None,
     progress: Progress | None = None,
-) -> Report:
+) -> VerificationReport:
     """Checks everything a grasp file claims.
 
     Args:
@@ -94,7 +99,7 @@ def verify_file(
             grasps[i] = _with_plant(
                 grasps[i], stated, model.object_, package_paths, packages, around
             )
-    return Report(
+    return VerificationReport(
         file.path, tuple(grasps), model.line.status is not Status.NOT_CHECKED, model.warnings
     )
 
@@ -105,9 +110,9 @@ def _verify_grasp(
     surface, clearance = model.line, None
     if model.object_ is not None:
         surface, clearance = _check_surface(stated, model.object_, avoided)
-    forces = _line(Status.PROVED, force_faults(stated))
+    forces = _line(Status.PROVED, force_violations(stated))
     numbers = (
-        Line(Status.NOT_CHECKED, "the grasp is not proved")
+        CheckResult(Status.NOT_CHECKED, "the grasp is not proved")
         if forces.status is Status.FAILED
         else _check_numbers(stated, object_, clearance)
     )
@@ -154,10 +159,10 @@ def _with_plant(
     return replace(report, plant=said)
 
 
-def _line(passed: Status, faults: Iterable[str]) -> Line:
+def _line(passed: Status, faults: Iterable[str]) -> CheckResult:
     """FAILED with the first fault, if there is one."""
     fault = next(iter(faults), None)
-    return Line(passed) if fault is None else Line(Status.FAILED, fault)
+    return CheckResult(passed) if fault is None else CheckResult(Status.FAILED, fault)
 
 
 def _find_model(
@@ -181,7 +186,9 @@ def _find_model(
         return _missing(f"{model_file}: there is no such model file")
     try:
         if model_digest(model_file, package_paths, packages) != stated.sha256:
-            return _Model(None, Line(Status.FAILED, f"{name} has changed since: sha256 differs"))
+            return _Model(
+                None, CheckResult(Status.FAILED, f"{name} has changed since: sha256 differs")
+            )
         object_ = load_object(
             model_file,
             body_name=f"{stated.model_name}::{stated.body_name}",
@@ -196,7 +203,7 @@ def _find_model(
     except MissingPackageError as error:
         return _missing(str(error))
     except ModelError as error:
-        return _Model(None, Line(Status.FAILED, str(error)))
+        return _Model(None, CheckResult(Status.FAILED, str(error)))
     line = _line(Status.RECOMPUTED, _object_faults(stated, object_))
     if line.status is Status.FAILED:
         return _Model(None, line)
@@ -207,7 +214,9 @@ def _find_model(
 
 
 def _missing(reason: str) -> _Model:
-    return _Model(None, Line(Status.NOT_CHECKED, reason), (f"SURFACE is not checked: {reason}",))
+    return _Model(
+        None, CheckResult(Status.NOT_CHECKED, reason), (f"SURFACE is not checked: {reason}",)
+    )
 
 
 def _object_faults(stated: StatedObject, object_: GraspObject) -> Iterator[str]:
@@ -235,10 +244,10 @@ def _close(stated: float | None, true: float | None) -> bool:
 
 def _check_surface(
     stated: StatedGrasp, object_: GraspObject, avoided: Exclusion
-) -> tuple[Line, float | None]:
+) -> tuple[CheckResult, float | None]:
     """The line, and the least distance from a contact to an edge of its face [m]."""
     grasp, polyhedron = stated.grasp, object_.polyhedron
-    touched = touch(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
+    touched = locate_contacts(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
     line = _line(Status.RECOMPUTED, _surface_faults(stated, polyhedron, touched, avoided))
     if line.status is Status.FAILED:
         return line, None
@@ -246,7 +255,7 @@ def _check_surface(
 
 
 def _surface_faults(
-    stated: StatedGrasp, polyhedron: Polyhedron, touched: Touch, avoided: Exclusion
+    stated: StatedGrasp, polyhedron: Polyhedron, touched: LocatedContacts, avoided: Exclusion
 ) -> Iterator[str]:
     """Where the surface has other contacts than the file, or ones that its plan avoids."""
     grasp, x = stated.grasp, stated.certificate.internal_force
@@ -266,8 +275,10 @@ def _surface_faults(
         yield f"with the surface's own points and normals, {check.reason}"
 
 
-def _check_numbers(stated: StatedGrasp, object_: StatedObject, clearance: float | None) -> Line:
-    line = _line(Status.RECOMPUTED, number_faults(stated, object_, clearance))
+def _check_numbers(
+    stated: StatedGrasp, object_: StatedObject, clearance: float | None
+) -> CheckResult:
+    line = _line(Status.RECOMPUTED, number_violations(stated, object_, clearance))
     if line.status is Status.RECOMPUTED and clearance is None:
-        return Line(line.status, "placement_tolerance is not held against the faces' edges")
+        return CheckResult(line.status, "placement_tolerance is not held against the faces' edges")
     return line

@@ -9,12 +9,12 @@ from matplotlib.patches import Circle, Polygon
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.paper.orientation import least_ball_centre
 from drake_polygrasp.paper.planar import orthonormal_pair
-from drake_polygrasp.paper.trace_result import Trace
+from drake_polygrasp.paper.trace_result import SetTrace
 from drake_polygrasp.vectors import unit
 from drake_polygrasp.visualization.palette import CONTACTS, HATCHES, INK, OBJECT
 
 
-def draw_directions(ax: Axes, its: Trace) -> None:
+def draw_directions(ax: Axes, its: SetTrace) -> None:
     """Normals n_i and friction cones as seen along the axis d of the least cap around the normals.
 
     Distances from the centre are angles from d. While all cones are within 90 degrees of it, every

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.reasons import MEANING, REASONS
 from drake_polygrasp.paper.trace import trace
-from drake_polygrasp.paper.trace_result import Trace
+from drake_polygrasp.paper.trace_result import SetTrace
 from drake_polygrasp.pipeline.explain import Explanation
 from drake_polygrasp.pipeline.request import TIP_RADIUS
 from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
@@ -41,7 +41,7 @@ def draw_explanation(
     return draw_trace(its, object_, tip, _ending(its, explanation))
 
 
-def _ending(its: Trace, explanation: Explanation) -> str:
+def _ending(its: SetTrace, explanation: Explanation) -> str:
     """The reason and its meaning; of sets of several regions, the best end."""
     wanted = {*its.faces}
     rows = zip(explanation.faces.tolist(), explanation.reasons, strict=True)

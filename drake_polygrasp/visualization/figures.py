@@ -21,9 +21,9 @@ from matplotlib.patches import Polygon
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.convex import find_internal_forces
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.geometry.seating import seat, tip_fits
+from drake_polygrasp.geometry.surface_contact import fingertip_fits, project_contacts
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.paper.trace_result import OnPiL, OnPiP, OnPiS, Trace
+from drake_polygrasp.paper.trace_result import OnPiL, OnPiP, OnPiS, SetTrace
 from drake_polygrasp.visualization.directions import draw_directions
 from drake_polygrasp.visualization.meshes import section_lines
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE
@@ -56,7 +56,7 @@ def save_figure(figure: Figure, file: Path) -> None:
 
 
 def draw_trace(
-    its: Trace,
+    its: SetTrace,
     object_: GraspObject | None = None,
     tip_radius: float = 0.0,
     ending: str | None = None,
@@ -95,7 +95,7 @@ def draw_trace(
     return figure
 
 
-def _what(its: Trace) -> str:
+def _what(its: SetTrace) -> str:
     faces = ", ".join(map(str, dict.fromkeys(its.faces)))
     pair = len({*its.faces}) == 2
     kind = "two faces" if pair else "parallel" if its.is_parallel else "non-parallel"
@@ -105,7 +105,7 @@ def _what(its: Trace) -> str:
     return f"faces {faces} ({kind}): {angles}"
 
 
-def _end(its: Trace) -> str:
+def _end(its: SetTrace) -> str:
     return "contacts found" if its.p_BC is not None else f"rejected: {its.reason}"
 
 
@@ -166,12 +166,14 @@ def _draw_heights(ax: Axes, heights: Array) -> None:
     ax.set_xlim(left, right + 3.5 * step)
 
 
-def _tips(its: Trace, object_: GraspObject | None, radius: float) -> list[Tip]:
+def _tips(its: SetTrace, object_: GraspObject | None, radius: float) -> list[Tip]:
     if object_ is None or its.p_BC is None or its.on_pi_p is None or not radius:
         return []
     # Patches only lie near the surface.
-    seats = seat(object_.polyhedron, its.p_BC, np.array(its.faces))
-    fits = seats.ok & tip_fits(object_.polyhedron, seats.p_BC, seats.nhat_TB_B, radius)
+    projected = project_contacts(object_.polyhedron, its.p_BC, np.array(its.faces))
+    fits = projected.ok & fingertip_fits(
+        object_.polyhedron, projected.p_BC, projected.nhat_TB_B, radius
+    )
     p_BT = (its.p_BC - radius * its.nhat_TB_B) @ its.on_pi_p.axes_B.T
     return list(zip(shapely.buffer(shapely.points(p_BT), radius), fits.tolist(), strict=True))
 
@@ -248,7 +250,7 @@ def _draw_contacts(ax: Axes, plane: OnPiP, concurrent: bool) -> None:
         mark(ax, P_I, "*", "$P_I$")
 
 
-def draw_forces(ax: Axes, its: Trace) -> None:
+def draw_forces(ax: Axes, its: SetTrace) -> None:
     """The planar cones, Pi_p cut with C_fi, and internal forces head to tail: they close.
 
     Their sizes are parts of the whole normal force; each cone stands where its force begins.

@@ -13,7 +13,14 @@ import numpy as np
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.vectors import cross, dot, unit
 from drake_polygrasp.wrenches.contacts import contact_frames, plane_normal
-from drake_polygrasp.wrenches.facet_twists import TINY, Lines, chunks, combined, lines_of, not_flat
+from drake_polygrasp.wrenches.facet_twists import (
+    TINY,
+    FacetTwists,
+    chunks,
+    combined,
+    facet_twists,
+    not_flat,
+)
 from drake_polygrasp.wrenches.support import frame_wrenches
 
 TURNS = 16
@@ -49,7 +56,7 @@ def epsilon_upper_bound(
     bounds: list[Array] = []
     for rows in chunks(len(p_BC)):
         frames, r = _placed(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
-        radii = _rim_twists(lines_of(frames, r, mu[rows], num_turns)).radii()
+        radii = _rim_twists(facet_twists(frames, r, mu[rows], num_turns)).radii()
         bounds.append(radii.min(axis=(0, 1, 2)))
     highest: Array = np.maximum(np.concatenate(bounds), 0.0)
     return highest
@@ -78,7 +85,7 @@ def critical_directions(
     found = []
     for rows in chunks(len(p_BC)):
         frames, r = _placed(p_BC[rows], nhat_TB_B[rows], p_BBcm, rho)
-        twists = _rim_twists(lines_of(frames, r, mu[rows], num_turns))
+        twists = _rim_twists(facet_twists(frames, r, mu[rows], num_turns))
         radii = twists.radii()
         around = np.arange(num_turns)
         neighbours = np.minimum(radii[:, around - 1], radii[:, around + 1 - num_turns])
@@ -107,7 +114,7 @@ def _placed(p_BC: Array, nhat_TB_B: Array, p_BBcm: Array, rho: float) -> tuple[A
 class _RimTwists:
     """Twists on lines, `at` plus `t` times `along`; two on each, for each of T angles.
 
-    Rows are those of `Lines.linear`.
+    Rows are those of `FacetTwists.linear`.
     """
 
     at: Array
@@ -136,7 +143,7 @@ class _RimTwists:
         return radii
 
 
-def _rim_twists(lines: Lines) -> _RimTwists:
+def _rim_twists(lines: FacetTwists) -> _RimTwists:
     linear, mu_k = lines.linear, lines.mu_k
     at = combined(lines.points, linear[:, :3])
     at *= lines.s

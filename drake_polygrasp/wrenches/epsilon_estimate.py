@@ -17,11 +17,11 @@ from drake_polygrasp.vectors import cross_first
 from drake_polygrasp.wrenches.epsilon_bound import COARSE_TURNS
 from drake_polygrasp.wrenches.facet_twists import (
     TINY,
-    Lines,
+    FacetTwists,
     chunks,
     combined,
+    facet_twists,
     grasps_last,
-    lines_of,
     not_flat,
     rim,
 )
@@ -63,9 +63,9 @@ def radii_of_lines(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho:
     return radii.reshape(math.prod(radii.shape[:-1]), len(p_BC)).T
 
 
-def _lines(p_BcmC_B: Array, nhat_TB_B: Array, mu: Array, rho: float) -> Lines:
+def _lines(p_BcmC_B: Array, nhat_TB_B: Array, mu: Array, rho: float) -> FacetTwists:
     nhat, r, some_mu = (_single(values) for values in (nhat_TB_B, p_BcmC_B / rho, mu))
-    return lines_of(_frames_alone(nhat, r), r, some_mu, COARSE_TURNS)
+    return facet_twists(_frames_alone(nhat, r), r, some_mu, COARSE_TURNS)
 
 
 def _single(values: Array) -> Any:
@@ -83,7 +83,7 @@ def _frames_alone(nhat: Array, r: Array) -> Array:
     return np.stack([nhat, tangent, cross_first(nhat, tangent)], axis=1).T
 
 
-def _radii(lines: Lines) -> Array:
+def _radii(lines: FacetTwists) -> Array:
     """h(w) / |w| of the twists that `epsilon_bound` makes of lines, shape (2, T, 6, M).
 
     The twists themselves are not needed: squares of what is linear are quadratic forms. That is
@@ -109,7 +109,7 @@ def _radii(lines: Lines) -> Array:
     return radii
 
 
-def _forms(first: Array, second: Array, lines: Lines) -> tuple[Array, Array, Array]:
+def _forms(first: Array, second: Array, lines: FacetTwists) -> tuple[Array, Array, Array]:
     """Sums over g_k's rows and over the twist's of products of what is linear, (9, 5, 6, M) each.
 
     As c + 2 b t + a t^2: c and b have shape (2, T, 6, M), a has (2, 6, M). Of the two, one is the

@@ -27,8 +27,8 @@ _ORDERS = np.array(list(itertools.permutations(range(3)))).T
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
-    """Lines of twists at which one contact's disc lies in a facet of W.
+class FacetTwists:
+    """FacetTwists of twists at which one contact's disc lies in a facet of W.
 
     A contact's part of W is a disc, the wrenches of its cone with normal force 1. The facet
     nearest to the origin nearly always holds the disc of some contact i and touches the rims of
@@ -52,7 +52,7 @@ class Lines:
     """Shape (6, M)."""
 
 
-def lines_of(frames: Array, r: Array, mu: Array, num_turns: int) -> Lines:
+def facet_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> FacetTwists:
     """The lines of grasps.
 
     Args:
@@ -84,7 +84,7 @@ def lines_of(frames: Array, r: Array, mu: Array, num_turns: int) -> Lines:
     turning = combined(points, rate[:3])
     level = _SLOW[turning.dtype.char]
     s = -rate[3] / np.where(np.abs(turning) < level, level, turning)
-    return Lines(linear, points, s, 1.0 + mu_j * (np.abs(s) - s), mu.take(k, axis=0))
+    return FacetTwists(linear, points, s, 1.0 + mu_j * (np.abs(s) - s), mu.take(k, axis=0))
 
 
 def grasps_last(values: Array) -> Array:

@@ -20,11 +20,11 @@ from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.exact import (
     Check,
     attained_margin,
+    check_and_margin,
     check_contacts,
     check_escaping_hinge,
     check_escaping_twist,
     check_force_closure,
-    prove,
 )
 from drake_polygrasp.grasp import Grasp
 from tests.support.common import box_grasp, collinear_contacts, prism_grasp, random_contacts
@@ -80,8 +80,8 @@ def test_a_proof_is_the_check_and_the_margin_at_once():
     for k, x in enumerate(np.random.default_rng(3).uniform(-0.2, 1, size=(200, 3))):
         grasps.append((p[k].tolist(), n[k].tolist(), mu[k].tolist(), x.tolist()))
     for grasp in grasps:
-        assert prove(*grasp) == (check_force_closure(*grasp), attained_margin(*grasp))
-    refused = prove([[0.0] * 3] * 3, [[0.0, 0.0, 1.0]] * 3, [0.3] * 3, BOX_X)
+        assert check_and_margin(*grasp) == (check_force_closure(*grasp), attained_margin(*grasp))
+    refused = check_and_margin([[0.0] * 3] * 3, [[0.0, 0.0, 1.0]] * 3, [0.3] * 3, BOX_X)
     assert refused == (Check(False, "the contacts are collinear, or nearly so"), -math.inf)
 
 

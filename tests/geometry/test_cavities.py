@@ -13,8 +13,8 @@ from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.polyhedron import Polyhedron, volume_centroid
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.regions import erode
-from drake_polygrasp.geometry.seating import face_of, seat, tip_fits
 from drake_polygrasp.geometry.surface import Part, build_polyhedron, curved_part
+from drake_polygrasp.geometry.surface_contact import face_at, fingertip_fits, project_contacts
 from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.common import random_rotations, round_body
 from tests.support.convex_polyhedra import prism
@@ -50,7 +50,7 @@ def build(parts: Sequence[Array]) -> Polyhedron:
 
 def facing(parts: Sequence[Array], p_BC: Array, nhat: Array) -> Bools:
     """Whether contacts at points with inward normals are on faces."""
-    return face_of(build(parts), np.atleast_2d(p_BC), np.atleast_2d(nhat)) >= 0
+    return face_at(build(parts), np.atleast_2d(p_BC), np.atleast_2d(nhat)) >= 0
 
 
 MIDDLE = SIDE / 2
@@ -80,7 +80,7 @@ def test_a_way_in_is_one_that_is_wider_than_a_cell(
     """A cell is 1.35 mm; how wide a tip may be is then asked at each contact, not on its way."""
     assert (facing(plates(lid=slit), INNER, INTO_INNER) == reached).all()
     if reached:
-        assert tip_fits(build(plates(lid=slit)), INNER, INTO_INNER, tip_radius).all()
+        assert fingertip_fits(build(plates(lid=slit)), INNER, INTO_INNER, tip_radius).all()
 
 
 def test_without_its_lid_the_box_is_open() -> None:
@@ -137,9 +137,9 @@ def test_a_face_that_is_partly_in_a_cavity_seats_contacts_outside_only() -> None
     table = box((-0.1, -0.1, 0), (0.2, 0.2, WALL))
     polyhedron = build([table, *plates(5e-4)[1:]])
     p_BC = np.array([[MIDDLE, MIDDLE, WALL], [-0.05, MIDDLE, WALL]])
-    top = face_of(polyhedron, p_BC[1:], -Z[None])
-    assert face_of(polyhedron, p_BC, np.array([-Z, -Z])).tolist() == [-1, top[0]]
-    assert seat(polyhedron, p_BC, np.repeat(top, 2)).ok.tolist() == [False, True]
+    top = face_at(polyhedron, p_BC[1:], -Z[None])
+    assert face_at(polyhedron, p_BC, np.array([-Z, -Z])).tolist() == [-1, top[0]]
+    assert project_contacts(polyhedron, p_BC, np.repeat(top, 2)).ok.tolist() == [False, True]
 
 
 @pytest.mark.parametrize("seed", range(3))

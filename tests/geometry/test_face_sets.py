@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drake_polygrasp.geometry import face_sets
-from drake_polygrasp.geometry.face_sets import pairs, place_in_set, triples, with_sets
+from drake_polygrasp.geometry.face_sets import pairs, rank_within_set, triples, with_sets
 
 
 @pytest.mark.parametrize("chunk", [1, 7, 50, 10**6])
@@ -24,7 +24,7 @@ def test_every_set_comes_once_and_in_order(chunk: int, monkeypatch: pytest.Monke
 
 
 def test_rows_of_one_set_are_counted() -> None:
-    assert place_in_set(np.array([7, 3, 7, 7, 3])).tolist() == [0, 0, 1, 2, 1]
+    assert rank_within_set(np.array([7, 3, 7, 7, 3])).tolist() == [0, 0, 1, 2, 1]
 
 
 def test_sets_are_joined_without_repetition() -> None:

@@ -12,8 +12,13 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.patches import PATCH_ANGLE, PATCH_DEPTH
 from drake_polygrasp.geometry.polyhedron import Polyhedron, volume_centroid
 from drake_polygrasp.geometry.regions import erode
-from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.surface_contact import (
+    edge_distance,
+    face_at,
+    fingertip_fits,
+    project_contacts,
+)
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import diameter, unit_normals
 from drake_polygrasp.pipeline.plan import plan_grasps
@@ -88,10 +93,10 @@ def test_planar_faces_stay_exact_beside_patches() -> None:
 def test_contacts_on_patches_move_to_a_facet_and_off_its_edges(triangles: Array) -> None:
     body = build(triangles)
     p_BC, _, face = random_contacts(body, 40, seed=1)
-    seats = seat(body, p_BC, face)
-    assert seats.ok.mean() > 0.9
-    p_BC, nhat_TB_B, face = (x[seats.ok] for x in (seats.p_BC, seats.nhat_TB_B, face))
-    assert (face_of(body, p_BC, nhat_TB_B) >= 0).all()
+    projected = project_contacts(body, p_BC, face)
+    assert projected.ok.mean() > 0.9
+    p_BC, nhat_TB_B, face = (x[projected.ok] for x in (projected.p_BC, projected.nhat_TB_B, face))
+    assert (face_at(body, p_BC, nhat_TB_B) >= 0).all()
     clearance = edge_distance(body, p_BC, face)
     assert (clearance > 2e-6 * body.diameter).all()
     for p, nhat, distance in zip(p_BC[:6], nhat_TB_B, clearance, strict=False):
@@ -103,25 +108,27 @@ def test_contacts_on_patches_move_to_a_facet_and_off_its_edges(triangles: Array)
 def test_a_contact_off_the_surface_or_its_normal_is_on_no_patch() -> None:
     body = build(scan())
     p_BC, _, face = random_contacts(body, 20, seed=2)
-    seats = seat(body, p_BC, face)
-    p_BC, nhat = seats.p_BC[seats.ok], seats.nhat_TB_B[seats.ok]
-    assert (face_of(body, p_BC + 3e-6 * body.diameter * nhat, nhat) == -1).all()
+    projected = project_contacts(body, p_BC, face)
+    p_BC, nhat = projected.p_BC[projected.ok], projected.nhat_TB_B[projected.ok]
+    assert (face_at(body, p_BC + 3e-6 * body.diameter * nhat, nhat) == -1).all()
     leaning = nhat + 1e-5 * np.cross(nhat, X)
     leaning /= np.linalg.norm(leaning, axis=1, keepdims=True)
-    assert (face_of(body, p_BC, leaning) == -1).all()
+    assert (face_at(body, p_BC, leaning) == -1).all()
 
 
 def test_no_contact_is_inside_another_shell() -> None:
     parts = [round_body(2000), round_body(2000) + 0.05 * X]
     peanut = build(*parts)
     p_BC, _, face = random_contacts(peanut, 200, seed=3)
-    seats = seat(peanut, p_BC, face)
-    assert is_exposed(seats.p_BC[seats.ok], seats.nhat_TB_B[seats.ok], parts, 1e-5).all()
+    projected = project_contacts(peanut, p_BC, face)
+    assert is_exposed(
+        projected.p_BC[projected.ok], projected.nhat_TB_B[projected.ok], parts, 1e-5
+    ).all()
     buried = np.array([[0.05, 0.0, 0.0], [0.0, 0.0, 0.0]])
     nearest = parts[0][np.argmin(np.linalg.norm(parts[0].mean(axis=1) - buried[0], axis=1))]
     inward = -np.cross(nearest[1] - nearest[0], nearest[2] - nearest[0])
     inward /= np.linalg.norm(inward)
-    assert face_of(peanut, nearest.mean(axis=0)[None], inward[None]).tolist() == [-1]
+    assert face_at(peanut, nearest.mean(axis=0)[None], inward[None]).tolist() == [-1]
 
 
 def test_the_wall_of_a_sealed_cavity_is_no_place_for_a_finger() -> None:
@@ -139,8 +146,8 @@ def test_a_crack_narrower_than_a_finger_is_closed_and_a_gap_is_not() -> None:
     for gap, fits in ((0.5e-3, False), (2e-3, True)):
         L = 0.1 * np.sqrt(6)
         pair = build(cube, cube + (0.1 + gap * L) * X)
-        assert tip_fits(pair, wall, -X[None], 0.0).tolist() == [fits]
-        assert tip_fits(pair, free, X[None], 0.0).tolist() == [True]
+        assert fingertip_fits(pair, wall, -X[None], 0.0).tolist() == [fits]
+        assert fingertip_fits(pair, free, X[None], 0.0).tolist() == [True]
 
 
 def test_the_centroid_of_patches_is_that_of_their_facets() -> None:

@@ -11,8 +11,13 @@ import shapely
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.geometry.polyhedron import farthest_distance
 from drake_polygrasp.geometry.primitives import Primitive, tessellation
-from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits
 from drake_polygrasp.geometry.surface import Part, build_polyhedron, curved_part
+from drake_polygrasp.geometry.surface_contact import (
+    edge_distance,
+    face_at,
+    fingertip_fits,
+    project_contacts,
+)
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.common import random_rotations
@@ -115,15 +120,15 @@ def test_contacts_of_patches_take_the_true_point_and_normal(name: str) -> None:
     primitive = SOLIDS[name]
     body = build_polyhedron([curved_part(primitive, 0.3)])
     p_BC, planned, face = random_contacts(body, 60, seed=0)
-    seats = seat(body, p_BC, face)
-    assert seats.ok.all()
-    np.testing.assert_allclose(primitive.distance(seats.p_BC), 0, atol=1e-15)
-    assert (np.einsum("ij,ij->i", seats.nhat_TB_B, planned) > np.cos(0.35)).all()
-    assert (face_of(body, seats.p_BC, seats.nhat_TB_B) >= 0).all()
-    assert tip_fits(body, seats.p_BC, seats.nhat_TB_B, 0.01).all()
-    assert (edge_distance(body, seats.p_BC, face) > 0).all()
-    off = seats.p_BC - 3e-6 * body.diameter * seats.nhat_TB_B
-    assert (face_of(body, off, seats.nhat_TB_B) == -1).all()
+    projected = project_contacts(body, p_BC, face)
+    assert projected.ok.all()
+    np.testing.assert_allclose(primitive.distance(projected.p_BC), 0, atol=1e-15)
+    assert (np.einsum("ij,ij->i", projected.nhat_TB_B, planned) > np.cos(0.35)).all()
+    assert (face_at(body, projected.p_BC, projected.nhat_TB_B) >= 0).all()
+    assert fingertip_fits(body, projected.p_BC, projected.nhat_TB_B, 0.01).all()
+    assert (edge_distance(body, projected.p_BC, face) > 0).all()
+    off = projected.p_BC - 3e-6 * body.diameter * projected.nhat_TB_B
+    assert (face_at(body, off, projected.nhat_TB_B) == -1).all()
 
 
 def test_the_ends_of_a_cylinder_are_true_faces() -> None:
@@ -139,15 +144,15 @@ def test_what_another_part_covers_is_no_seat() -> None:
     slab = prism(shapely.box(-0.1, -0.1, 0.1, 0.1), 0.06)
     body = build_polyhedron([curved_part(ball, 0.3), Part(slab, 0.6)])
     p_BC, _, face = random_contacts(body, 200, seed=0)
-    seats = seat(body, p_BC, face)
-    on_ball = np.abs(ball.distance(seats.p_BC)) < 1e-12
+    projected = project_contacts(body, p_BC, face)
+    on_ball = np.abs(ball.distance(projected.p_BC)) < 1e-12
     assert 20 < on_ball.sum() < 190
-    assert (seats.p_BC[on_ball & seats.ok, 2] < 0).all()
-    assert (ball.distance(seats.p_BC[~on_ball & seats.ok]) > 0).all()
+    assert (projected.p_BC[on_ball & projected.ok, 2] < 0).all()
+    assert (ball.distance(projected.p_BC[~on_ball & projected.ok]) > 0).all()
     pole = np.array([[0.0, 0.0, 0.05], [0.0, 0.0, -0.05]])
-    assert (face_of(body, pole, np.array([-Z, Z])) >= 0).tolist() == [False, True]
+    assert (face_at(body, pole, np.array([-Z, Z])) >= 0).tolist() == [False, True]
     beside = np.array([[0.0499, 0.0, 0.0], [0.06, 0.0, 0.0]])
-    assert (face_of(body, beside, np.array([Z, Z])) >= 0).tolist() == [False, True]
+    assert (face_at(body, beside, np.array([Z, Z])) >= 0).tolist() == [False, True]
 
 
 SHAPES = {

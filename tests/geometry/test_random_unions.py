@@ -9,8 +9,13 @@ from hypothesis import given, settings
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.regions import erode
-from drake_polygrasp.geometry.seating import face_of, seat, tip_fits, touch
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.surface_contact import (
+    face_at,
+    fingertip_fits,
+    locate_contacts,
+    project_contacts,
+)
 from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.lp_judge import is_force_closure
 from tests.support.random_unions import Body, bodies
@@ -41,11 +46,11 @@ def test_contacts_are_on_the_true_open_surface_however_damaged(body: Body) -> No
     polyhedron = build(body.raw)
     L = polyhedron.diameter
     p_BC, face = contacts_everywhere(polyhedron)
-    seats = seat(polyhedron, p_BC, face)
-    p_BC, nhat_TB_B = seats.p_BC[seats.ok], seats.nhat_TB_B[seats.ok]
-    found = touch(polyhedron, p_BC, nhat_TB_B).face >= 0
+    projected = project_contacts(polyhedron, p_BC, face)
+    p_BC, nhat_TB_B = projected.p_BC[projected.ok], projected.nhat_TB_B[projected.ok]
+    found = locate_contacts(polyhedron, p_BC, nhat_TB_B).face >= 0
     for tip_radius in (0.0, 0.02 * L):
-        fits = found & tip_fits(polyhedron, p_BC, nhat_TB_B, tip_radius)
+        fits = found & fingertip_fits(polyhedron, p_BC, nhat_TB_B, tip_radius)
         contacts = p_BC[fits], nhat_TB_B[fits]
         assert not contact_faults(*contacts, body.raw, body.solids, L, tip_radius)
 
@@ -68,7 +73,7 @@ def test_what_the_judge_finds_open_to_a_tip_is_on_a_face(body: Body) -> None:
     is_open &= ~inside(center, body.solids)
     is_open &= inside(p_BC + 1e-3 * L * nhat_TB_B, body.solids)
     if polyhedron.cavities is None:
-        assert (face_of(polyhedron, p_BC[is_open], nhat_TB_B[is_open]) >= 0).all()
+        assert (face_at(polyhedron, p_BC[is_open], nhat_TB_B[is_open]) >= 0).all()
 
 
 @settings(max_examples=7)

@@ -27,7 +27,7 @@ from drake_polygrasp import (
 )
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.geometry.polyhedron import Polyhedron
-from drake_polygrasp.geometry.seating import touch
+from drake_polygrasp.geometry.surface_contact import locate_contacts
 from drake_polygrasp.visualization.scene import draw_object
 
 BASE = "0.1 0.08 0.05"
@@ -107,7 +107,11 @@ def test_no_contact_is_beneath_a_lid_unless_it_is_ignored(write: Write) -> None:
         assert one.polyhedron.diameter == pytest.approx(2 * np.linalg.norm([0.05, 0.04, 0.025]))
         assert one.polyhedron.watertight
     top = np.array([[0.01, 0.02, 0.025]]), np.array([[0.0, 0.0, -1.0]])
-    assert touch(shut.polyhedron, *top).face[0] < 0 <= touch(free.polyhedron, *top).face[0]
+    assert (
+        locate_contacts(shut.polyhedron, *top).face[0]
+        < 0
+        <= locate_contacts(free.polyhedron, *top).face[0]
+    )
     assert "links on its joints, 'lid', stay where they are" in shut.warnings[0]
     assert "mass is not counted" in shut.warnings[0]
     assert shut.warnings[0].endswith("; --joints-free (joints_free=True) ignores them")
@@ -163,7 +167,7 @@ def test_a_hollow_box_that_a_lid_shuts_has_no_inside_to_touch(write: Write) -> N
         load_object(path, body_name="base", joints_free=f).polyhedron for f in (False, True)
     )
     floor = np.array([[0.0, 0.0, -0.02]]), np.array([[0.0, 0.0, -1.0]])
-    assert touch(shut, *floor).face[0] < 0 <= touch(free, *floor).face[0]
+    assert locate_contacts(shut, *floor).face[0] < 0 <= locate_contacts(free, *floor).face[0]
     assert area(shut, (1, 0, 0)) == pytest.approx(0.004)
     assert area(free, (1, 0, 0)) == pytest.approx(0.004 + 0.07 * 0.045)
 

@@ -19,7 +19,7 @@ from drake_polygrasp import (
     save_grasps,
     verify_file,
 )
-from drake_polygrasp.geometry.seating import touch
+from drake_polygrasp.geometry.surface_contact import locate_contacts
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_solid
 
@@ -227,7 +227,7 @@ def test_no_contact_is_inside_another_link_and_file_and_plant_hold(tmp_path: Pat
         within = np.abs(certified.grasp.p_BC - [0.0, 0.0, 0.1]) < np.array(HEAD) / 2 - 1e-9
         assert not within.all(axis=1).any()
     inside = np.array([[0.015, 0.0, 0.08], [0.015, 0.0, 0.05]])
-    on_handle = touch(hammer.polyhedron, inside, np.tile([-1.0, 0.0, 0.0], (2, 1)))
+    on_handle = locate_contacts(hammer.polyhedron, inside, np.tile([-1.0, 0.0, 0.0], (2, 1)))
     assert (on_handle.face >= 0).tolist() == [False, True]
     file = tmp_path / "hammer.grasp.yaml"
     save_grasps(file, hammer, plan.grasps, plan.settings)

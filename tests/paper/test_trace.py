@@ -20,7 +20,7 @@ from drake_polygrasp.cli.main import main
 from drake_polygrasp.paper.orientation import least_ball_centre
 from drake_polygrasp.paper.reasons import MEANING
 from drake_polygrasp.paper.trace import trace
-from drake_polygrasp.paper.trace_result import Trace
+from drake_polygrasp.paper.trace_result import SetTrace
 from drake_polygrasp.pipeline.explain import Explanation
 from drake_polygrasp.visualization.directions import draw_directions
 from drake_polygrasp.visualization.explanation import draw_explanation
@@ -46,7 +46,7 @@ def object_(name: str) -> GraspObject:
 
 
 @cache
-def traces(name: str) -> dict[tuple[int, ...], Trace]:
+def traces(name: str) -> dict[tuple[int, ...], SetTrace]:
     """Of every set of two and three faces."""
     n = len(object_(name).polyhedron.faces)
     sets = [s for k in (2, 3) for s in itertools.combinations(range(n), k)]

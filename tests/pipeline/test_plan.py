@@ -15,12 +15,12 @@ from benchmarks.peers import random_triples
 from drake_polygrasp import UsageError
 from drake_polygrasp.certification import exact
 from drake_polygrasp.geometry.regions import Regions, erode
-from drake_polygrasp.geometry.seating import edge_distance, tip_fits
+from drake_polygrasp.geometry.surface_contact import edge_distance, fingertip_fits
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.reasons import unplanned
 from drake_polygrasp.paper.stages import plan_sets
 from drake_polygrasp.pipeline import judging, proposals, request
-from drake_polygrasp.pipeline.candidates import contenders
+from drake_polygrasp.pipeline.candidates import project_candidates
 from drake_polygrasp.pipeline.explain import explain_sets
 from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
 from drake_polygrasp.pipeline.request import TIP_RADIUS
@@ -93,7 +93,7 @@ def test_contacts_keep_their_distance_from_edges_and_tips_fit(name: str, effort:
             assert min(gaps) < 1e-8 * L
         assert (edge_distance(object_.polyhedron, grasp.p_BC, faces) > 0).all()
         radius = TIP_RADIUS * L
-        assert tip_fits(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B, radius).all()
+        assert fingertip_fits(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B, radius).all()
 
 
 @every_object
@@ -225,13 +225,14 @@ def test_a_quick_grasp_keeps_out_of_corners_that_improvement_leads_into(
     assert found.grasps
     for certified in found.grasps:
         grasp = certified.grasp
-        assert tip_fits(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B, 3 * deep).all()
+        assert fingertip_fits(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B, 3 * deep).all()
 
 
 def test_where_a_quick_search_finds_none_the_full_one_follows(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    nothing = contenders(request_of(cube()), unplanned(np.array([[0, 1, 2]])), proposals.NO_TRIPLES)
+    unseen = unplanned(np.array([[0, 1, 2]]))
+    nothing = project_candidates(request_of(cube()), unseen, proposals.NO_TRIPLES)
     monkeypatch.setattr(judging, "quick", lambda *_: (nothing, np.empty(0)))
     found, full = plan_grasps(cube(), effort="quick"), plan("cube")
     assert found.reasons == full.reasons

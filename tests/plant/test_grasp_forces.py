@@ -18,7 +18,7 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from drake_polygrasp import GraspForces, UsageError
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.robustness import GRAVITY
-from drake_polygrasp.plant.scratch_plant import Scene
+from drake_polygrasp.plant.scratch_plant import ScratchScene
 from tests.support.common import grasp
 from tests.support.plant_scenes import cube_grasp, model, top_grasp, top_scene
 
@@ -26,7 +26,7 @@ X_WB = RigidTransform(RollPitchYaw(0.4, -0.7, 1.9), [0.1, 0.2, 0.3])
 
 
 def pose_after(
-    scene: Scene, squeeze: float, f: Array, tau: Array | None = None
+    scene: ScratchScene, squeeze: float, f: Array, tau: Array | None = None
 ) -> tuple[RigidTransform, bool]:
     """Where the object is after half a second of gravity, and whether the forces held it."""
     builder = DiagramBuilder()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drake_polygrasp import load_object, plan_grasps
-from drake_polygrasp.geometry.seating import TIP_SLACK, seat, tip_fits
+from drake_polygrasp.geometry.surface_contact import TIP_SLACK, fingertip_fits, project_contacts
 from drake_polygrasp.geometry.tolerances import ON_SURFACE
 from drake_polygrasp.plant.contact_geometry import check_geometry
 from drake_polygrasp.plant.scratch_plant import make_scene
@@ -54,9 +54,9 @@ def test_planner_and_drake_agree_on_which_tips_fit(tmp_path: Path, shape: str) -
     polyhedron = object_.polyhedron
     L, radius = polyhedron.diameter, 0.04 * polyhedron.diameter
     p_BC, _, face = random_contacts(polyhedron, 90, seed=0)
-    seats = seat(polyhedron, p_BC, face)
-    p_BC, nhat_TB_B = (x[seats.ok][:60] for x in seats[:2])
-    fits = tip_fits(polyhedron, p_BC, nhat_TB_B, radius)
+    projected = project_contacts(polyhedron, p_BC, face)
+    p_BC, nhat_TB_B = (x[projected.ok][:60] for x in projected[:2])
+    fits = fingertip_fits(polyhedron, p_BC, nhat_TB_B, radius)
     room = distances(p_BC - radius * nhat_TB_B, triangles).min(axis=1)
     assert (fits == (radius - room <= TIP_SLACK * L)).all()
     assert 3 <= fits.sum() <= 57

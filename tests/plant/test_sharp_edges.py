@@ -21,7 +21,7 @@ from drake_polygrasp.plant import certify_in_plant as in_plant
 from drake_polygrasp.plant.contact_geometry import check_geometry
 from drake_polygrasp.plant.scratch_plant import make_scene
 from drake_polygrasp.plant.surface_distance import SurfaceDistance
-from tests.geometry.test_seating import L_PROFILE
+from tests.geometry.test_surface_contact import L_PROFILE
 from tests.support.common import grasp
 from tests.support.convex_polyhedra import prism, write_obj
 from tests.support.plant_scenes import cube_grasp, model

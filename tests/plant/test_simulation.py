@@ -15,8 +15,8 @@ from drake_polygrasp.certification.holding_forces import Holding, normal_forces
 from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.plant import simulation
 from drake_polygrasp.plant.certify_in_plant import LoadPlan, plan_loads
-from drake_polygrasp.plant.scratch_plant import Scene, make_scene
-from drake_polygrasp.plant.simulation import Outcome, Trace, judge, simulate
+from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
+from drake_polygrasp.plant.simulation import SimulationOutcome, SimulationRecord, judge, simulate
 from tests.support.common import grasp
 from tests.support.plant_scenes import cube_forces, cube_scene, model, top_grasp, top_scene
 
@@ -25,17 +25,17 @@ WEIGHT = GRAVITY * 0.1512
 """Of the cube [N]."""
 
 
-def outcome(scene: Scene, squeeze_f_B: Array, holding: Holding) -> Outcome:
+def outcome(scene: ScratchScene, squeeze_f_B: Array, holding: Holding) -> SimulationOutcome:
     trace = simulate(scene, squeeze_f_B, holding)
     return judge(trace, len(holding.wrench_B), scene.object_.polyhedron.diameter)
 
 
-def cube_outcome(mu: float, squeeze: float = 4 * WEIGHT, along: Array = -Z) -> Outcome:
+def cube_outcome(mu: float, squeeze: float = 4 * WEIGHT, along: Array = -Z) -> SimulationOutcome:
     squeeze_f_B = cube_forces(squeeze, np.zeros(3)).f_Bc_B[0]
     return outcome(cube_scene(mu), squeeze_f_B, cube_forces(squeeze, WEIGHT * along))
 
 
-def planned(name: str, mu: float | None = None) -> Outcome:
+def planned(name: str, mu: float | None = None) -> SimulationOutcome:
     """The best grasp of a model with forces planned for it, on friction that may be another."""
     scene = top_scene(name)
     plan = plan_loads(scene)
@@ -115,7 +115,7 @@ def test_the_time_step_is_short_where_the_squeeze_is_hard() -> None:
     assert simulation.time_step(scene, 2100 * slow) == pytest.approx(0.01 / 21)
 
 
-def light_to_turn(share: float) -> Scene:
+def light_to_turn(share: float) -> ScratchScene:
     """The cube with a share of its inertia about the centre, which a model may state too small."""
     scene = cube_scene()
     side = 0.06 * np.sqrt(share)
@@ -202,16 +202,16 @@ def test_a_recording_is_published() -> None:
     assert "set_animation" in meshcat.StaticHtml()
 
 
-def still(num_loads: int = 1) -> Trace:
+def still(num_loads: int = 1) -> SimulationRecord:
     """A trace in which nothing moves and all is as planned."""
     load = np.repeat(np.arange(-1, num_loads), 20)
     forces = np.full((len(load), 3), 2.0)
     slip = np.zeros((len(load), 3, 3))
-    return Trace(frozen(0.01 * np.arange(len(load))), load, slip, forces, forces.copy())
+    return SimulationRecord(frozen(0.01 * np.arange(len(load))), load, slip, forces, forces.copy())
 
 
 def test_what_does_not_move_leaves_every_bound_whole() -> None:
-    assert judge(still(), 1, diameter=0.1) == Outcome(1.0, 1.0, 1.0, None)
+    assert judge(still(), 1, diameter=0.1) == SimulationOutcome(1.0, 1.0, 1.0, None)
 
 
 def test_each_bound_is_used_in_its_measure() -> None:

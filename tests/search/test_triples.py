@@ -16,14 +16,14 @@ from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.geometry.face_sets import first_of_each_set, sets_of
 from drake_polygrasp.geometry.regions import Regions, erode
-from drake_polygrasp.geometry.seating import tip_fits
+from drake_polygrasp.geometry.surface_contact import fingertip_fits
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.search import set_cover, triples
 from drake_polygrasp.search.effort import FULL, QUICK
 from drake_polygrasp.search.face_support import face_twists, points_in_faces, points_on
 from drake_polygrasp.search.fingertip_room import with_tip_room
 from drake_polygrasp.search.sample_points import num_points, sample_points
-from drake_polygrasp.search.set_cover import cover
+from drake_polygrasp.search.set_cover import best_covering_triples
 from drake_polygrasp.search.triples import Triples, best_triples
 from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
@@ -42,7 +42,7 @@ def test_the_cover_finds_what_comparing_all_triples_finds(seed: int, num_directi
     h = np.random.default_rng(seed).normal(size=(30, num_directions))
     everything = np.array(list(combinations(range(30), 3)))
     best = np.sort(heights(h, everything))[::-1]
-    found = cover(h, 20)
+    found = best_covering_triples(h, 20)
     assert len(found) >= set_cover.ENOUGH * 20
     assert heights(h, found) == pytest.approx(best[: len(found)])
     assert (np.diff(found, axis=1) > 0).all()
@@ -54,7 +54,9 @@ def test_raising_the_threshold_on_the_way_loses_nothing(monkeypatch: pytest.Monk
     everything = np.array(list(combinations(range(40), 3)))
     monkeypatch.setattr(set_cover, "_BLOCK", 10)
     monkeypatch.setattr(set_cover, "_thresholds", lambda *_: [-10.0])
-    assert heights(h, cover(h, 25)) == pytest.approx(np.sort(heights(h, everything))[::-1][:25])
+    assert heights(h, best_covering_triples(h, 25)) == pytest.approx(
+        np.sort(heights(h, everything))[::-1][:25]
+    )
 
 
 def test_support_on_faces_is_that_of_the_wrench_cones() -> None:
@@ -160,7 +162,7 @@ def test_room_for_tips_is_what_the_true_surface_says() -> None:
     for some, inside_only in ((clear, True), (regions, False)):
         region, p_FC = sample_points(some, 300)
         p_BC, nhat = points_on(some, region, p_FC), some.nhat_TB_B[region]
-        fits = tip_fits(polyhedron, p_BC, nhat, radius)
+        fits = fingertip_fits(polyhedron, p_BC, nhat, radius)
         assert fits.all() == inside_only
         gap = shapely.distance(clear.polygon_F[region], shapely.points(p_FC))
         # Walls are upright: nothing is removed in vain, but beside the circle's corners.

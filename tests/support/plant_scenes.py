@@ -10,7 +10,7 @@ import numpy as np
 from drake_polygrasp import CertifiedGrasp, Grasp, GraspObject, load_object, plan_grasps
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.holding_forces import Holding, spare_friction
-from drake_polygrasp.plant.scratch_plant import Scene, make_scene
+from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
 from tests.support.common import grasp
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -33,7 +33,7 @@ def top_grasp(name: str) -> tuple[CertifiedGrasp, float]:
 
 
 @cache
-def top_scene(name: str) -> Scene:
+def top_scene(name: str) -> ScratchScene:
     certified, tip_radius = top_grasp(name)
     return make_scene(model(name), certified.grasp, tip_radius)
 
@@ -47,7 +47,7 @@ def cube_grasp(mu: float = 0.3) -> Grasp:
     )
 
 
-def cube_scene(mu: float = 0.3) -> Scene:
+def cube_scene(mu: float = 0.3) -> ScratchScene:
     """With its geometry as it is, whatever friction the grasp claims."""
     return make_scene(model("cube"), cube_grasp(mu), tip_radius=0.002)
 

@@ -18,8 +18,8 @@ from drake_polygrasp.certification.robustness import epsilon_interval, placement
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
 from drake_polygrasp.geometry.polyhedron import Polyhedron
-from drake_polygrasp.geometry.seating import face_of, touch
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.surface_contact import face_at, locate_contacts
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspObject, GraspPlane, Verdict
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline.plan import plan_grasps
@@ -101,7 +101,7 @@ def test_a_wall_that_leans_into_another_part_is_no_place_for_a_contact() -> None
     body = build(plate(), turn.apply(slab) + 0.1 * Z)
     along = np.array([-0.03, -1e-3, 5e-5, 2e-4, 0.03])
     p_BC = 0.1 * Z + np.outer(along, turn.apply(X))
-    found = face_of(body, p_BC, np.tile(turn.apply(-Z), (5, 1)))
+    found = face_at(body, p_BC, np.tile(turn.apply(-Z), (5, 1)))
     assert (found >= 0).tolist() == [True, True, False, False, False]
 
 
@@ -110,14 +110,14 @@ def test_a_wall_a_hair_below_another_is_no_place_for_a_contact(depth: float) -> 
     L = np.linalg.norm([0.2, 0.2, 0.1])
     body = build(plate(), prism(shapely.box(-0.05, -0.05, 0.05, 0.05), 0.1 - depth * L))
     p_BC = np.array([0.1 * Z, (0.1 - depth * L) * Z])
-    assert (face_of(body, p_BC, np.array([-Z, -Z])) >= 0).tolist() == [True, False]
+    assert (face_at(body, p_BC, np.array([-Z, -Z])) >= 0).tolist() == [True, False]
 
 
 def test_the_surface_s_own_contacts_are_returned() -> None:
     tilt = 5e-7
     stated = np.array([0.01, 0.02, 0.1 + 5e-8])
     leaning = np.array([math.sin(tilt), 0, -math.cos(tilt)])
-    touched = touch(build(plate()), stated[None], leaning[None])
+    touched = locate_contacts(build(plate()), stated[None], leaning[None])
     assert touched.face[0] >= 0
     np.testing.assert_allclose(touched.p_BC, [[0.01, 0.02, 0.1]], atol=1e-15)
     np.testing.assert_allclose(touched.nhat_TB_B, [-Z], atol=1e-15)
@@ -141,7 +141,7 @@ def test_blocks_that_touch_overlap_and_coincide_are_told_apart(seed: int) -> Non
         p_BC = rng.integers(0, 7, (12, 3)) + rng.uniform(0.1, 0.9, (12, 3))
         p_BC[:, axis] = (low if sign < 0 else high)[k, axis]
         normals = np.tile(nhat, (12, 1))
-        found = face_of(body, p_BC, normals)
+        found = face_at(body, p_BC, normals)
         behind = p_BC + 1e-3 * nhat
         own = ((behind[:, None] > low) & (behind[:, None] < high)).all(axis=2)
         own &= (low if sign < 0 else high)[:, axis] == p_BC[:, axis, None]
@@ -159,7 +159,7 @@ def test_a_shell_that_crosses_itself_is_not_touched_from_within() -> None:
         triangles += [[(a, b, 1), (c, d, 1), (0, 0, 1)], [(c, d, 0), (a, b, 0), (0, 0, 0)]]
         triangles += [[(a, b, 0), (c, d, 0), (c, d, 1)], [(a, b, 0), (c, d, 1), (a, b, 1)]]
     p_BC = np.array([[4, 1.5, 0.5], [-2, -0.7, 0.5], [-1, -0.3, 0]])
-    found = face_of(build(np.array(triangles, dtype=float)), p_BC, np.array([-X, -X, -Z]))
+    found = face_at(build(np.array(triangles, dtype=float)), p_BC, np.array([-X, -X, -Z]))
     assert (found >= 0).tolist() == [True, False, False]
 
 
@@ -178,8 +178,8 @@ def test_within_the_placement_tolerance_contacts_stay_on_their_faces_and_hold(na
         step /= np.linalg.norm(step, axis=-1, keepdims=True)
         p_BC = grasp.p_BC + 0.95 * certified.certificate.placement_tolerance * step
         normals = np.broadcast_to(grasp.nhat_TB_B, p_BC.shape)
-        faces = face_of(object_.polyhedron, p_BC.reshape(-1, 3), normals.reshape(-1, 3))
-        assert (faces.reshape(-1, 3) == face_of(object_.polyhedron, grasp.p_BC, normals[0])).all()
+        faces = face_at(object_.polyhedron, p_BC.reshape(-1, 3), normals.reshape(-1, 3))
+        assert (faces.reshape(-1, 3) == face_at(object_.polyhedron, grasp.p_BC, normals[0])).all()
         for p in p_BC[:5]:
             assert is_force_closure(p, grasp.nhat_TB_B, grasp.mu, around=False, sides=48)
 

@@ -22,7 +22,7 @@ from pydrake.math import RigidTransform
 
 from drake_polygrasp import UsageError, load_grasps, load_object, save_grasps
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.cli.exhibit import Exhibit
+from drake_polygrasp.cli.exhibit import ShownScene
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.visualization import draw_grasps, draw_object, look_at, save_html, show_rank
 from drake_polygrasp.visualization.labels import label_F, number_shape
@@ -371,7 +371,7 @@ def test_show_serves_until_interrupted() -> None:
 def test_an_interrupt_that_comes_while_show_still_prints_ends_it_well(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(_: Exhibit) -> Iterator[str]:
+    def interrupted(_: ShownScene) -> Iterator[str]:
         yield "open http://localhost"
         raise KeyboardInterrupt
 

@@ -10,8 +10,14 @@ import shapely
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Polyhedron
-from drake_polygrasp.geometry.seating import edge_distance, face_of, seat, tip_fits, tips_are_apart
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
+from drake_polygrasp.geometry.surface_contact import (
+    edge_distance,
+    face_at,
+    fingertip_fits,
+    fingertips_are_apart,
+    project_contacts,
+)
 from tests.support.convex_polyhedra import boxes, holed_prism, prism
 from tests.support.solids import random_contacts
 from tests.support.surface_judge import distance, on_surface
@@ -27,10 +33,10 @@ def build(*parts: Array) -> Polyhedron:
 def test_contacts_of_an_exact_face_stay_and_keep_its_normal() -> None:
     polyhedron = build(prism(L_PROFILE, 0.1))
     p_BC, nhat_TB_B, face = random_contacts(polyhedron, 200, seed=0)
-    seats = seat(polyhedron, p_BC, face)
-    assert seats.ok.all()
-    assert (seats.p_BC == p_BC).all()
-    assert (seats.nhat_TB_B == nhat_TB_B).all()
+    projected = project_contacts(polyhedron, p_BC, face)
+    assert projected.ok.all()
+    assert (projected.p_BC == p_BC).all()
+    assert (projected.nhat_TB_B == nhat_TB_B).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -38,18 +44,20 @@ def test_contacts_of_a_rounded_face_move_to_its_triangles(seed: int) -> None:
     rounded = holed_prism(6, 1, seed).round(6)
     polyhedron = build(rounded)
     p_BC, _, face = random_contacts(polyhedron, 40, seed)
-    seats = seat(polyhedron, p_BC, face)
-    assert seats.ok.all()
-    for p, nhat in zip(seats.p_BC, seats.nhat_TB_B, strict=True):
+    projected = project_contacts(polyhedron, p_BC, face)
+    assert projected.ok.all()
+    for p, nhat in zip(projected.p_BC, projected.nhat_TB_B, strict=True):
         assert on_surface(p, nhat, [rounded], polyhedron.diameter)
-    assert (face_of(polyhedron, seats.p_BC, seats.nhat_TB_B) == face).all()
+    assert (face_at(polyhedron, projected.p_BC, projected.nhat_TB_B) == face).all()
 
 
 def test_a_point_beside_its_face_has_no_seat() -> None:
     polyhedron = build(prism(shapely.box(0, 0, 1, 1), 1.0))
     top = next(k for k, face in enumerate(polyhedron.faces) if face.R_BF[2, 2] == 1)
-    seats = seat(polyhedron, np.array([[0.5, 0.5, 1.0], [1.5, 0.5, 1.0]]), np.array([top, top]))
-    assert seats.ok.tolist() == [True, False]
+    projected = project_contacts(
+        polyhedron, np.array([[0.5, 0.5, 1.0], [1.5, 0.5, 1.0]]), np.array([top, top])
+    )
+    assert projected.ok.tolist() == [True, False]
 
 
 def test_a_contact_is_on_a_face_only_with_its_point_and_its_normal() -> None:
@@ -67,7 +75,7 @@ def test_a_contact_is_on_a_face_only_with_its_point_and_its_normal() -> None:
         "beside it": (p + 0.2 * Y, -X, False),
     }
     points, normals, expected = zip(*contacts.values(), strict=True)
-    found = face_of(polyhedron, np.array(points), np.array(normals))
+    found = face_at(polyhedron, np.array(points), np.array(normals))
     assert dict(zip(contacts, found >= 0, strict=True)) == dict(
         zip(contacts, expected, strict=True)
     )
@@ -77,7 +85,7 @@ def test_a_covered_wall_is_no_face() -> None:
     column = prism(shapely.box(-0.05, -0.05, 0.05, 0.05), 0.3)
     plate = prism(shapely.box(-0.2, -0.2, 0.2, 0.2), 0.1)
     p_BC = np.array([[0.05, 0, 0.05], [0.05, 0, 0.2]])
-    found = face_of(build(column, plate), p_BC, np.array([-X, -X]))
+    found = face_at(build(column, plate), p_BC, np.array([-X, -X]))
     assert found[0] == -1
     assert found[1] >= 0
 
@@ -87,7 +95,7 @@ def test_faces_of_random_contacts_are_found(seed: int) -> None:
     parts = [boxes(1, 5 * seed + k) for k in range(3)]
     polyhedron = build(*parts)
     p_BC, nhat_TB_B, face = random_contacts(polyhedron, 30, seed)
-    assert (face_of(polyhedron, p_BC, nhat_TB_B) == face).all()
+    assert (face_at(polyhedron, p_BC, nhat_TB_B) == face).all()
     for p, nhat in zip(p_BC, nhat_TB_B, strict=True):
         assert on_surface(p, nhat, parts, polyhedron.diameter)
 
@@ -106,14 +114,14 @@ def test_a_tip_fits_in_a_notch_that_is_wider_than_it() -> None:
     floor, wall = np.array([0.15, 0.05, 0.05]), np.array([0.1, 0.15, 0.05])
     for p, nhat in ((floor, -Y), (wall, -X)):
         for radius, fits in ((0.049, True), (0.051, False)):
-            assert tip_fits(channel, p[None], nhat[None], radius).tolist() == [fits]
+            assert fingertip_fits(channel, p[None], nhat[None], radius).tolist() == [fits]
 
 
 def test_a_tip_beside_a_step_fits_when_it_is_a_radius_away() -> None:
     bracket = build(prism(L_PROFILE, 0.1))
     for gap, fits in ((0.0201, True), (0.0199, False)):
         p = np.array([[0.1 + gap, 0.1, 0.05]])
-        assert tip_fits(bracket, p, -Y[None], 0.02).tolist() == [fits]
+        assert fingertip_fits(bracket, p, -Y[None], 0.02).tolist() == [fits]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -122,7 +130,7 @@ def test_tips_fit_where_the_judge_measures_their_radius(seed: int) -> None:
     polyhedron = build(*parts)
     p_BC, nhat_TB_B, _ = random_contacts(polyhedron, 60, seed)
     radius = 0.1 * polyhedron.diameter
-    found = tip_fits(polyhedron, p_BC, nhat_TB_B, radius)
+    found = fingertip_fits(polyhedron, p_BC, nhat_TB_B, radius)
     room = np.array([distance(p, parts) for p in p_BC - radius * nhat_TB_B])
     assert (found == (room > radius * (1 - 1e-3))).all()
     assert 0 < found.sum() < len(found)
@@ -131,14 +139,14 @@ def test_tips_fit_where_the_judge_measures_their_radius(seed: int) -> None:
 def test_any_tip_fits_on_a_convex_solid() -> None:
     polyhedron = build(prism(shapely.box(0, 0, 1, 1), 1.0))
     p_BC, nhat_TB_B, _ = random_contacts(polyhedron, 10, seed=0)
-    assert tip_fits(polyhedron, p_BC, nhat_TB_B, 10.0).all()
+    assert fingertip_fits(polyhedron, p_BC, nhat_TB_B, 10.0).all()
 
 
 def test_ten_thousand_tips_among_a_thousand_triangles_take_seconds() -> None:
     polyhedron = build(*(boxes(1, k) + 0.05 * k * X for k in range(80)))
     p_BC, nhat_TB_B, _ = random_contacts(polyhedron, 10_000, seed=0)
     start = time.perf_counter()
-    tip_fits(polyhedron, p_BC, nhat_TB_B, 0.02 * polyhedron.diameter)
+    fingertip_fits(polyhedron, p_BC, nhat_TB_B, 0.02 * polyhedron.diameter)
     assert time.perf_counter() - start < 10
 
 
@@ -153,7 +161,7 @@ def test_a_tip_beside_a_concave_edge_touches_its_own_facet_first(share: float) -
     p = np.array([[-share * radius * np.tan(theta / 2), 0, 0.05]])
     room = radius * np.cos(theta) - p[0, 0] * np.sin(theta)
     assert abs(room - radius) < 2e-5 * groove.diameter
-    assert tip_fits(groove, p, -Y[None], radius).tolist() == [share > 1]
+    assert fingertip_fits(groove, p, -Y[None], radius).tolist() == [share > 1]
 
 
 def test_tips_overlap_where_their_centres_are_nearer_than_two_radii() -> None:
@@ -162,7 +170,9 @@ def test_tips_overlap_where_their_centres_are_nearer_than_two_radii() -> None:
     nhat = np.array([-Z, -Z, Z])
     for gap, apart in ((0.0101, True), (0.0099, False)):
         p_BC = np.array([[top, top + gap * X, bottom]])
-        assert tips_are_apart(plate, p_BC, nhat[None], 0.005).tolist() == [apart]
+        assert fingertips_are_apart(plate, p_BC, nhat[None], 0.005).tolist() == [apart]
     # Points must not even meet.
-    assert not tips_are_apart(plate, np.array([[top, top, bottom]]), nhat[None], 0.0)[0]
-    assert tips_are_apart(plate, np.array([[top, top + 1e-3 * X, bottom]]), nhat[None], 0.0)[0]
+    assert not fingertips_are_apart(plate, np.array([[top, top, bottom]]), nhat[None], 0.0)[0]
+    assert fingertips_are_apart(plate, np.array([[top, top + 1e-3 * X, bottom]]), nhat[None], 0.0)[
+        0
+    ]

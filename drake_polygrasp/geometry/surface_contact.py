@@ -12,8 +12,8 @@ from drake_polygrasp.geometry.facets import (
     facets_of,
     is_covered,
     level_distance,
-    seat_on_patch,
-    touch_patch,
+    locate_on_patch,
+    project_on_patch,
 )
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.tolerances import (
@@ -40,7 +40,7 @@ _STEEPEST = np.cos(0.02)
 noise."""
 
 
-class Seats(NamedTuple):
+class ProjectedContacts(NamedTuple):
     """Contacts on the true surface."""
 
     p_BC: Array
@@ -51,14 +51,14 @@ class Seats(NamedTuple):
     """Whether there is a true surface to touch, shape (M,)."""
 
 
-def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
+def project_contacts(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> ProjectedContacts:
     """Move contacts on faces and patches to the true surface.
 
     A face is flat; its triangles lie up to `FLATNESS` L off it, those of a patch farther. Contacts
     p_BC [m], shape (M, 3), move along the normals of their faces `face`, shape (M,), to the
     outermost triangle there, and take on its normal; on patches of a curved solid they take its
     nearest point. Where that is covered or in a sealed cavity, or the triangle is a sliver, there
-    is no seat.
+    no point of the true surface is found.
     """
     p_BC, nhat_TB_B, ok = p_BC.copy(), np.zeros_like(p_BC), np.zeros(len(p_BC), dtype=bool)
     is_patch = polyhedron.is_patch[face]
@@ -68,7 +68,7 @@ def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
         facets = facets_of(polyhedron)
         for k in np.unique(face[curved]):
             rows = np.flatnonzero(face == k)
-            p_BC[rows], nhat_TB_B[rows], ok[rows] = seat_on_patch(
+            p_BC[rows], nhat_TB_B[rows], ok[rows] = project_on_patch(
                 polyhedron, facets, polyhedron.faces[k], p_BC[rows]
             )
     # True faces are cut where they are covered by anything but curved solids.
@@ -76,24 +76,24 @@ def seat(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
     ok[doubtful] = ~is_covered(polyhedron, p_BC[doubtful], nhat_TB_B[doubtful])
     if polyhedron.cavities is not None:
         ok &= ~polyhedron.cavities.sealed_at(p_BC, nhat_TB_B)
-    return Seats(p_BC, nhat_TB_B, ok)
+    return ProjectedContacts(p_BC, nhat_TB_B, ok)
 
 
-def _seat_on_faces(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Seats:
+def _seat_on_faces(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> ProjectedContacts:
     L, planes = polyhedron.diameter, _planes(polyhedron, face)
     Fz = planes.R_BF[:, :, 2]
     height = np.abs(dot(p_BC - planes.p_BF, Fz)).max(initial=0.0)
     # Whatever triangle of its face a contact is above or below is within reach.
     reach = height + 2 * (FLATNESS + LENGTH_TOLERANCE) * L
-    seated, inward, ok = p_BC.copy(), -Fz, np.zeros(len(p_BC), dtype=bool)
+    projected, inward, ok = p_BC.copy(), -Fz, np.zeros(len(p_BC), dtype=bool)
     for pairs in polyhedron.surface.near(p_BC, reach):
         i, rise, nhat = _outermost(polyhedron, planes, p_BC, *pairs)
-        seated[i] += rise[:, None] * Fz[i]
+        projected[i] += rise[:, None] * Fz[i]
         ok[i] = True
         lean = nhat - Fz[i]
         leaning = np.sqrt(dot(lean, lean)) > ANGLE_TOLERANCE
         inward[i[leaning]] = -nhat[leaning]
-    return Seats(seated, inward, ok)
+    return ProjectedContacts(projected, inward, ok)
 
 
 def _outermost(
@@ -119,7 +119,7 @@ def _outermost(
     return i[best], rise[best], nhat[best]
 
 
-class Touch(NamedTuple):
+class LocatedContacts(NamedTuple):
     """Contacts that were stated, as the surface itself has them."""
 
     face: Ints
@@ -130,7 +130,7 @@ class Touch(NamedTuple):
     """That triangle's inward unit normal, shape (M, 3)."""
 
 
-def touch(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Touch:
+def locate_contacts(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> LocatedContacts:
     """The exposed surface at contacts p_BC [m] with inward normals, both of shape (M, 3).
 
     A contact is on a face when it is within `ON_SURFACE` L of the exposed polygon, and of a
@@ -163,27 +163,27 @@ def touch(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Touch:
     face[rows], n[rows] = k, -n_t
     p[rows] += dot(triangles[pair, 0] - p_BC[rows], n_t)[:, None] * n_t
     found = np.flatnonzero(face >= 0)
-    seats = seat(polyhedron, p_BC[found], face[found])
-    outermost = np.linalg.norm(seats.p_BC - p_BC[found], axis=1) <= ON_SURFACE * L
-    covered = found[~(seats.ok & outermost)]
+    projected = project_contacts(polyhedron, p_BC[found], face[found])
+    outermost = np.linalg.norm(projected.p_BC - p_BC[found], axis=1) <= ON_SURFACE * L
+    covered = found[~(projected.ok & outermost)]
     face[covered], p[covered], n[covered] = -1, p_BC[covered], nhat_TB_B[covered]
     if len(exact) < len(polyhedron.faces):
         rows = np.setdiff1d(np.flatnonzero(face < 0), covered)
         best = np.full(len(p_BC), -1)
         best[i[::-1]] = t[::-1]
-        face[rows], p[rows], n[rows] = touch_patch(
+        face[rows], p[rows], n[rows] = locate_on_patch(
             polyhedron, p_BC[rows], nhat_TB_B[rows], best[rows]
         )
     if polyhedron.watertight:
         # Where a shell crosses itself, some of its walls have the body on their other side.
         hollow = ~is_covered(polyhedron, p, -n, _JUST_INSIDE)
         face[hollow], p[hollow], n[hollow] = -1, p_BC[hollow], nhat_TB_B[hollow]
-    return Touch(face, p, n)
+    return LocatedContacts(face, p, n)
 
 
-def face_of(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Ints:
-    """The face that each contact is on, -1 where it is on none; as of `touch`, shape (M,)."""
-    return touch(polyhedron, p_BC, nhat_TB_B).face
+def face_at(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> Ints:
+    """Returns the face that `locate_contacts` finds for each contact, -1 for none, shape (M,)."""
+    return locate_contacts(polyhedron, p_BC, nhat_TB_B).face
 
 
 class _Planes(NamedTuple):
@@ -249,7 +249,7 @@ def edge_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
     return distance
 
 
-def least_tip(polyhedron: Polyhedron, tip_radius: float) -> float:
+def effective_tip_radius(polyhedron: Polyhedron, tip_radius: float) -> float:
     """The radius of the sphere that must fit [m].
 
     A point, of `tip_radius` 0, must still find the surface open to the width of a `CRACK`.
@@ -257,19 +257,21 @@ def least_tip(polyhedron: Polyhedron, tip_radius: float) -> float:
     return max(tip_radius, CRACK / 2 * polyhedron.diameter)
 
 
-def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: float) -> Bools:
+def fingertip_fits(
+    polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: float
+) -> Bools:
     """Whether a sphere of `tip_radius` [m] that touches from outside penetrates nothing.
 
     Of contacts p_BC [m] on the exposed surface with inward normals, both (M, 3); shape (M,). The
     distance from the sphere's centre to all triangles and curved solids decides: beside the
     contact the sphere is outside every part, and one that crosses none is outside all the way.
     Where a neighbouring facet rises toward the tip by more than `TIP_SLACK` L, the tip touches that
-    one instead. Tips have the radius of `least_tip` at least.
+    one instead. Tips have the radius of `effective_tip_radius` at least.
     """
     slack = TIP_SLACK * polyhedron.diameter
     if polyhedron.greatest_rise <= slack:
         return np.ones(len(p_BC), dtype=bool)
-    tip_radius = least_tip(polyhedron, tip_radius)
+    tip_radius = effective_tip_radius(polyhedron, tip_radius)
     p_BT = p_BC - tip_radius * nhat_TB_B
     reach = tip_radius - slack
     fits = ~polyhedron.surface.within(p_BT, reach)
@@ -278,7 +280,7 @@ def tip_fits(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: 
     return fits
 
 
-def tips_are_apart(
+def fingertips_are_apart(
     polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, tip_radius: float
 ) -> Bools:
     """Returns whether the fingertips of each grasp overlap nowhere, shape (M,).
@@ -287,9 +289,9 @@ def tips_are_apart(
         polyhedron: the body.
         p_BC: contact points [m], shape (M, 3, 3).
         nhat_TB_B: inward unit normals, shape (M, 3, 3).
-        tip_radius: of spherical fingertips [m]; that of `least_tip` at least.
+        tip_radius: of spherical fingertips [m]; that of `effective_tip_radius` at least.
     """
-    tip_radius = least_tip(polyhedron, tip_radius)
+    tip_radius = effective_tip_radius(polyhedron, tip_radius)
     p_BT = p_BC - tip_radius * nhat_TB_B
     gap = p_BT - np.roll(p_BT, 1, axis=1)
     least = 2 * tip_radius - TIP_SLACK * polyhedron.diameter
