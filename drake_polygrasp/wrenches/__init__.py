@@ -12,5 +12,6 @@ the grasp withstands in every direction (Ferrari & Canny, 1992).
 | support.py | the wrenches that span W, and h(w) |
 | facet_twists.py | the twists w in whose supporting facet of W lies the whole friction disc of one contact |
 | epsilon_bound.py | upper bounds of epsilon, and the directions in which W reaches least far |
+| region_support.py | the least h(w) where contacts, normals and the centre of mass may be off |
 | epsilon_estimate.py | upper bounds of epsilon in single precision, at a few microseconds a grasp |
 """  # noqa: E501 - a table

@@ -1,0 +1,206 @@
+"""The least support h(w) over regions of contacts, tilts of normals and centres of mass.
+
+Wrenches and twists w = (v, omega) are those of the room: v pairs with forces and omega with
+torques about the nominal centre of mass over rho. A contact at r [rho] from it moves with velocity
+u = v + omega x r, and its friction cone reaches h = nhat.u + mu |u - (nhat.u) nhat| along w. For
+fixed w each contact's worst place is its own affair: the least h of W over all placements is the
+greatest of the contacts' least. Everything here is for many w at once.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.vectors import cross, dot, unit
+from drake_polygrasp.wrenches.facet_twists import TINY
+
+_TILTED_ROUNDS = 2
+"""Ours: places and tilts are chosen in turn; the second round lowers h by 1e-4 of it at most."""
+
+
+def least_support(w: Array, r_V: Array, nhat: Array, mu: Array) -> tuple[Array, Array]:
+    """Returns the least h(w) of a contact anywhere in a flat convex polygon, in closed form.
+
+    Along an edge h is linear plus mu times the root of a quadratic. Inside, h is linear on rays
+    from the point that has no tangential velocity: if the least is not there it is on an edge.
+
+    Args:
+        w: twists, shape (K, 6).
+        r_V: corners of S polygons in order, from the centre of mass over rho, shape (S, V, 3); a
+            corner may be repeated, and a polygon may be one point.
+        nhat: inward unit normals of the contact, which need not be the polygon's, shape (S, 3) or
+            (K, S, 3).
+        mu: friction coefficients, shape (S,).
+
+    Returns:
+        The least h, shape (K, S), and a point that attains it, shape (K, S, 3).
+    """
+    r = _candidate_places(w, r_V, np.broadcast_to(nhat, (len(w), *nhat.shape[-2:])), mu)
+    u = _velocities(w, r)
+    return _least(_support_at(u, nhat[..., None, :], mu[:, None]), r)
+
+
+def _velocities(w: Array, r: Array) -> Array:
+    """At points (K, S, N, 3)."""
+    return np.asarray(w[:, None, None, :3] + cross(w[:, None, None, 3:], r))
+
+
+def _least(h: Array, values: Array) -> tuple[Array, Array]:
+    """The least of each row, (K, S), and its value, (K, S, 3)."""
+    best = h.argmin(axis=-1)[..., None]
+    attained = np.take_along_axis(values, best[..., None], 2)[:, :, 0]
+    return np.take_along_axis(h, best, -1)[..., 0], attained
+
+
+def _candidate_places(w: Array, r_V: Array, nhat: Array, mu: Array) -> Array:
+    """Where h may be least: a point of each edge, and where nothing slips, (K, S, V + 1, 3)."""
+    v, omega = w[:, None, :3], w[:, None, 3:]
+    sides = np.roll(r_V, -1, axis=-2) - r_V
+    # (K, S, V, 3): the velocity at each corner, and its change along each edge.
+    u = v[:, :, None] + cross(omega[:, :, None], r_V)
+    du = cross(omega[:, :, None], sides)
+    n = nhat[:, :, None]
+    push, slope = dot(u, n), dot(du, n)
+    t, dt = u - push[..., None] * n, du - slope[..., None] * n
+    q_0, q_1, q_2 = dot(t, t), dot(t, dt), dot(dt, dt)
+    with np.errstate(all="ignore"):
+        middle = -q_1 / q_2
+        missed = np.sqrt(np.maximum(q_0 - q_1 * q_1 / q_2, 0.0))
+        room = mu[:, None] ** 2 * q_2 - slope * slope
+        aside = -slope * missed / np.sqrt(q_2 * room)
+        s = middle + np.where(room > 0, aside, -np.sign(slope) * np.inf)
+    s = np.where(q_2 > TINY, s, np.where(slope < 0, 1.0, 0.0))
+    s = np.clip(np.nan_to_num(s), 0.0, 1.0)[..., None]
+    still = _still_points(v, omega, r_V, nhat)
+    return np.concatenate([r_V + s * sides, still[:, :, None]], axis=2)
+
+
+def _support_at(u: Array, nhat: Array, mu: Array) -> Array:
+    push = dot(u, nhat)
+    t = u - push[..., None] * nhat
+    h: Array = push + mu * np.sqrt(dot(t, t))
+    return h
+
+
+def _still_points(v: Array, omega: Array, r_V: Array, nhat: Array) -> Array:
+    """Points of the polygons that have no tangential velocity, else a corner, (K, S, 3)."""
+    first = r_V[:, 0]
+    spokes = r_V - first[:, None]
+    # The first side may be short or null; the longest spoke and what is left beside it are not.
+    far = dot(spokes, spokes).argmax(axis=1)
+    e_1 = unit(np.take_along_axis(spokes, far[:, None, None], 1)[:, 0])
+    beside = spokes - dot(spokes, e_1[:, None])[..., None] * e_1[:, None]
+    wide = dot(beside, beside).argmax(axis=1)
+    e_2 = unit(np.take_along_axis(beside, wide[:, None, None], 1)[:, 0])
+    u, u_1, u_2 = v + cross(omega, first), cross(omega, e_1), cross(omega, e_2)
+    t, t_1, t_2 = (x - dot(x, nhat)[..., None] * nhat for x in (u, u_1, u_2))
+    a, b, c = dot(t_1, t_1), dot(t_1, t_2), dot(t_2, t_2)
+    x, y = -dot(t, t_1), -dot(t, t_2)
+    determinant = a * c - b * b
+    safe = np.where(determinant > TINY, determinant, 1.0)
+    along, across = (c * x - b * y) / safe, (a * y - b * x) / safe
+    r = first + along[..., None] * e_1 + across[..., None] * e_2
+    sides = np.roll(r_V, -1, axis=-2) - r_V
+    normal = cross(e_1, e_2)[:, None]
+    side = dot(cross(sides, r[:, :, None] - r_V), normal)
+    inside = ((side >= 0).all(-1) | (side <= 0).all(-1)) & (determinant > TINY)
+    return np.where(inside[..., None], r, first)
+
+
+def worst_normals(u: Array, nhat: Array, mu: Array, tilt: float) -> Array:
+    """Returns the unit normals within an angle of given ones that make h least.
+
+    h depends on the angle between normal and velocity alone and is concave in it, so that the
+    least is where the angle is greatest or least.
+
+    Args:
+        u: velocities at the contacts, shape (..., 3).
+        nhat: unit normals, shape (..., 3).
+        mu: friction coefficients, shape (...).
+        tilt: the angle [rad].
+    """
+    push = dot(u, nhat)
+    t = u - push[..., None] * nhat
+    slip = np.sqrt(dot(t, t))
+    still = slip <= 1e-12 * np.sqrt(dot(u, u)) + TINY
+    axis = np.eye(3)[np.abs(nhat).argmin(axis=-1)]
+    across = np.where(still[..., None], cross(nhat, axis), t)
+    across = unit(across)
+    # No further than to the velocity or its opposite.
+    length = np.sqrt(push * push + slip * slip)
+    near = slip < math.tan(tilt) * np.abs(push)
+    safe = np.where(near, length, 1.0)
+    keep = np.where(near, np.abs(push) / safe, math.cos(tilt))
+    turn = np.where(near, slip / safe, math.sin(tilt))
+    keeps, turns, h = [], [], []
+    for forward in (True, False):
+        capped = (push > 0) == forward
+        keeps.append(np.where(capped, keep, math.cos(tilt)))
+        turns.append((1.0 if forward else -1.0) * np.where(capped, turn, math.sin(tilt)))
+        slips = keeps[-1] * slip - turns[-1] * push
+        h.append(keeps[-1] * push + turns[-1] * slip + mu * np.abs(slips))
+    towards = h[0] < h[1]
+    keep, turn = np.where(towards, keeps[0], keeps[1]), np.where(towards, turns[0], turns[1])
+    return unit(keep[..., None] * nhat + turn[..., None] * across)
+
+
+def least_tilted_support(
+    w: Array, r_V: Array, nhat: Array, mu: Array, tilt: float
+) -> tuple[Array, Array, Array]:
+    """Returns a small h(w) of a contact in a polygon with a normal that may tilt.
+
+    Arguments as in `least_support`, and the greatest tilt [rad]. What is returned is attained by
+    the place and normal returned with it; without tilt it is the least.
+
+    Returns:
+        h, shape (K, S), the places, shape (K, S, 3), and the normals, shape (K, S, 3).
+    """
+    if tilt <= 0.0:
+        h, places = least_support(w, r_V, nhat, mu)
+        return h, places, np.broadcast_to(nhat, places.shape)
+    upright = np.broadcast_to(nhat, (len(w), *nhat.shape[-2:]))
+    r = _candidate_places(w, r_V, upright, mu)
+    r = np.concatenate([r, np.broadcast_to(r_V, (len(w), *r_V.shape))], axis=2)
+    for _ in range(_TILTED_ROUNDS):
+        u = _velocities(w, r)
+        n = worst_normals(u, np.broadcast_to(upright[:, :, None], u.shape), mu[:, None], tilt)
+        h, normals = _least(_support_at(u, n, mu[:, None]), n)
+        h, places = least_support(w, r_V, normals, mu)
+        r = places[:, :, None]
+    return h, places, normals
+
+
+def load_reach(w: Array, com_error: float, *, forces_only: bool = False) -> Array:
+    """Returns the greatest pairing of w with a unit load about any centre of mass near by.
+
+    A wrench q about a centre of mass that is off by d pairs with (v + omega x d, omega), so this
+    is the greatest length of that over |d| <= com_error: a norm, at least |w|.
+
+    Args:
+        w: twists, shape (K, 6).
+        com_error: how far the centre of mass may be off, over rho.
+        forces_only: whether loads are forces through the centre of mass, without torque; the
+            length is then that of v + omega x d.
+
+    Returns:
+        Shape (K,).
+    """
+    v, omega = w[:, :3], w[:, 3:]
+    turn = cross(omega, v)
+    spin = dot(omega, omega)
+    square = dot(v, v) + com_error * (2.0 * np.sqrt(dot(turn, turn)) + com_error * spin)
+    if not forces_only:
+        square = square + spin
+    return np.asarray(np.sqrt(square))
+
+
+def worst_centres_of_mass(w: Array, com_error: float) -> Array:
+    """Returns the errors d of the centre of mass, over rho, that attain `load_reach`, (K, 3)."""
+    v, omega = w[:, :3], w[:, 3:]
+    spin = dot(omega, omega)
+    safe = np.where(spin > 0, spin, 1.0)
+    beside = v - (dot(v, omega) / safe)[:, None] * omega
+    return com_error * unit(cross(unit(beside), unit(omega)))
