@@ -34,143 +34,192 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class ModelSource:
-    """Where an object came from."""
+    """Where an object came from.
+
+    Attributes:
+        model_file: the file given to Drake's Parser: an absolute path, or a package:// URI as it
+            was given.
+        sha256: hex digest over the digests of the model file, its included files and collision
+            meshes.
+        model_name: model instance, as Drake names it.
+        body_name: body, as the model names it.
+        patch_angle: what patches of its surface were asked for, as of `load_object`; None for the
+            default.
+        patch_depth: greatest depth of a patch of a curved surface [m].
+        links: the links that the model fixes to one another, when more than one; B is of
+            `body_name`.
+        joints_free: whether links on its joints were ignored, as of `load_object`.
+        scale: of an OBJ model, as of `load_object`; None for 1.
+    """
 
     model_file: Path | str
-    """The file given to Drake's Parser: an absolute path, or a package:// URI as it was given."""
     sha256: str
-    """Hex digest over the digests of the model file, its included files and collision meshes."""
     model_name: str
     body_name: str
     patch_angle: float | None = None
-    """What patches of its surface were asked for, as of `load_object`; None for the default."""
     patch_depth: float | None = None
     links: tuple[str, ...] = ()
-    """The links that the model fixes to one another, when more than one; B is of `body_name`."""
     joints_free: bool = False
-    """Whether links on its joints were ignored, as of `load_object`."""
     scale: float | None = None
-    """Of an OBJ model, as of `load_object`; None for 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class GraspObject:
-    """A rigid body as the planner and the certificate see it, in its body frame B."""
+    """A rigid body as the planner and the certificate see it, in its body frame B.
+
+    Attributes:
+        polyhedron: its exposed surface; friction belongs to the faces.
+        mass: [kg]; None when the model states none.
+        p_BBcm: centre of mass [m], shape (3,); the volume's centroid when the model states none.
+        rho: greatest distance from the centre of mass to the surface [m].
+        source: where the object came from; None for a body of a plant.
+        warnings: what was assumed or changed on loading, one sentence each.
+        body: what tells it from other bodies, for obstacles; None where that is not known.
+    """
 
     polyhedron: Polyhedron
-    """Its exposed surface; friction belongs to the faces."""
     mass: float | None
-    """[kg]; None when the model states none."""
     p_BBcm: Array
-    """Centre of mass [m], shape (3,); the volume's centroid when the model states none."""
     rho: float
-    """Greatest distance from the centre of mass to the surface [m]."""
     source: ModelSource | None = None
     warnings: tuple[str, ...] = ()
-    """What was assumed or changed on loading, one sentence each."""
     body: BodyIdentity | None = None
-    """What tells it from other bodies, for obstacles; None where that is not known."""
 
 
 @dataclass(frozen=True, eq=False)
 class GraspPlane:
-    """The paper's plane Pi_p, which holds the three contacts."""
+    """The paper's plane Pi_p, which holds the three contacts.
+
+    Attributes:
+        nhat_B: unit normal, shape (3,).
+        p_BP: a point of the plane [m], shape (3,).
+    """
 
     nhat_B: Array
-    """Unit normal, shape (3,)."""
     p_BP: Array
-    """A point of the plane [m], shape (3,)."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """The paper's quality of a set of faces (eq. 5-10)."""
+    """The paper's quality of a set of faces (eq. 5-10).
+
+    Attributes:
+        scale: what distances and areas are divided by: maxima over all valid sets, or rho.
+        Q: the product of the five.
+        q: the five factors of equations 5 to 10.
+    """
 
     scale: Literal["paper", "object"]
-    """What distances and areas are divided by: maxima over all valid sets, or rho."""
     Q: float
     q: tuple[float, float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """Three frictional point contacts; how they were found is not part of it."""
+    """Three frictional point contacts; how they were found is not part of it.
+
+    Attributes:
+        p_BC: contact points on the exposed surface [m], shape (3, 3), one row a contact.
+        nhat_TB_B: inward unit normals, shape (3, 3).
+        mu: friction coefficient of each contact's pair, shape (3,).
+        kind: how many faces, and whether they are parallel.
+        faces: index of each contact's face in the polyhedron.
+        grasp_plane: the plane Pi_p.
+        quality: the paper's quality; None where its stages give none.
+    """
 
     p_BC: Array
-    """Contact points on the exposed surface [m], shape (3, 3), one row a contact."""
     nhat_TB_B: Array
-    """Inward unit normals, shape (3, 3)."""
     mu: Array
-    """Friction coefficient of each contact's pair, shape (3,)."""
     kind: Kind
     faces: tuple[int, int, int]
-    """Index of each contact's face in the polyhedron."""
     grasp_plane: GraspPlane
     quality: Quality | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What is proved of a grasp; every number can be recomputed from the grasp file alone."""
+    """What is proved of a grasp; every number can be recomputed from the grasp file alone.
+
+    Attributes:
+        internal_force: x_12, x_13, x_23 [1/m], shape (3,): the proof of force closure.
+        margin: in (0, 1]: attained by `internal_force`.
+        mu_min: the grasp still holds when friction drops, by one factor, until the greatest is
+            this.
+        mu_min_internal_force: what proves it then [1/m], shape (3,).
+        epsilon_lower: bounds of the largest wrench withstood in every direction by unit total
+            normal force.
+        epsilon_upper: upper bound of epsilon.
+        placement_tolerance: all three contacts may move at once by less than this along their faces
+            [m].
+        tilt_tolerance: all three normals may tilt at once by less than this [rad].
+        friction_tolerance: all three friction coefficients may drop at once by less than this.
+        squeeze_force: [N] of total normal force that holds the weight in every orientation.
+    """
 
     internal_force: Array
-    """x_12, x_13, x_23 [1/m], shape (3,): the proof of force closure."""
     margin: float
-    """In (0, 1]: attained by `internal_force`."""
     mu_min: float
-    """The grasp still holds when friction drops, by one factor, until the greatest is this."""
     mu_min_internal_force: Array
-    """What proves it then [1/m], shape (3,)."""
     epsilon_lower: float
-    """Bounds of the largest wrench withstood in every direction by unit total normal force."""
     epsilon_upper: float
     placement_tolerance: float
-    """All three contacts may move at once by less than this along their faces [m]."""
     tilt_tolerance: float
-    """All three normals may tilt at once by less than this [rad]."""
     friction_tolerance: float
-    """All three friction coefficients may drop at once by less than this."""
     squeeze_force: float | None = field(default=None)
-    """[N] of total normal force that holds the weight in every orientation."""
 
 
 @dataclass(frozen=True)
 class PlantVerdict:
-    """One answer to the question whether a grasp holds."""
+    """One answer to the question whether a grasp holds.
+
+    Attributes:
+        name: exact, convex, geometry, statics or simulation.
+        verdict: undecided where the check could not be run.
+        margin: what is left until it would not hold; None where the check was not run.
+        unit: unit of the margin.
+        reason: why the check has no answer; empty where it has one.
+    """
 
     name: str
-    """exact, convex, geometry, statics or simulation."""
     verdict: Verdict
-    """Undecided where the check could not be run."""
     margin: float | None
-    """What is left until it would not hold; None where the check was not run."""
     unit: str
     reason: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldWeight:
-    """How contacts in a plant hold the object's weight along one axis of B."""
+    """How contacts in a plant hold the object's weight along one axis of B.
+
+    Attributes:
+        weight_B: [N], shape (3,).
+        residual: what the planned forces leave unbalanced, torques over rho, in units of the
+            weight.
+        p_BC: where Drake's contact wrenches act [m], shape (3, 3); none, shape (0, 3), if it
+            failed.
+        f_Bc_B: the forces of Drake's contact wrenches on B [N], likewise.
+    """
 
     weight_B: Array
-    """[N], shape (3,)."""
     residual: float
-    """What the planned forces leave unbalanced, torques over rho, in units of the weight."""
     p_BC: Array
-    """Where Drake's contact wrenches act [m], shape (3, 3); none, shape (0, 3), if it failed."""
     f_Bc_B: Array
-    """The forces of Drake's contact wrenches on B [N], likewise."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlantRecord:
-    """The verdicts of a plant on a grasp, as a grasp file states them."""
+    """The verdicts of a plant on a grasp, as a grasp file states them.
+
+    Attributes:
+        verdicts: one of each check, by its name.
+        settings: what the plant was asked.
+        equilibria: of the weight along +x, +y, +z, -x, -y, -z of B.
+    """
 
     verdicts: tuple[PlantVerdict, ...]
     settings: Mapping[str, Any]
-    """What the plant was asked."""
     equilibria: tuple[HeldWeight, ...] = ()
-    """Of the weight along +x, +y, +z, -x, -y, -z of B."""
 
     @property
     def holds(self) -> bool:
@@ -188,14 +237,20 @@ class PlantRecord:
 
 @dataclass(frozen=True, eq=False)
 class CertifiedGrasp:
-    """A grasp that holds, and its proof."""
+    """A grasp that holds, and its proof.
+
+    Attributes:
+        grasp: the three contacts.
+        certificate: what is proved of them.
+        tip_radius: radius of the fingertips that have room at the contacts [m]; None where no plan
+            says so.
+        plant: what a plant says of the grasp; None where it was not asked.
+    """
 
     grasp: Grasp
     certificate: Certificate
     tip_radius: float | None = None
-    """Radius of the fingertips that have room at the contacts [m]; None where no plan says so."""
     plant: PlantRecord | None = None
-    """What a plant says of the grasp; None where it was not asked."""
 
 
 class CarriesProof(Protocol):

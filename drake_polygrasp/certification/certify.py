@@ -28,17 +28,22 @@ from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, Verdict
 
 @dataclass(frozen=True, eq=False)
 class Proof:
-    """Whether a grasp is force closure, and what shows it."""
+    """Whether a grasp is force closure, and what shows it.
+
+    Attributes:
+        verdict: whether the grasp is force closure, as far as known.
+        reason: why it does not hold or is undecided, a sentence.
+        internal_force: x_12, x_13, x_23 [1/m], shape (3,), where it holds: for
+            `exact.check_force_closure`.
+        margin: what `internal_force` attains, in (0, 1] where it holds.
+        escape: how the object leaves, where it does not hold.
+    """
 
     verdict: Verdict
     reason: str = ""
-    """Why it does not hold or is undecided, a sentence."""
     internal_force: Array | None = None
-    """x_12, x_13, x_23 [1/m], shape (3,), where it holds: for `exact.check_force_closure`."""
     margin: float = 0.0
-    """What `internal_force` attains, in (0, 1] where it holds."""
     escape: Escape | None = None
-    """How the object leaves, where it does not hold."""
 
 
 def prove(grasp: Grasp) -> Proof:

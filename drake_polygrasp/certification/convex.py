@@ -190,14 +190,18 @@ def _friction_needed(rows: Array, mu: Array, x: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Escape:
-    """A twist along which no contact force does negative work: how the object leaves a grasp."""
+    """A twist along which no contact force does negative work: how the object leaves a grasp.
+
+    Attributes:
+        twist: (omega, v_Bo) [rad/s, m/s], expressed in B, as in Drake's SpatialVelocity, shape
+            (6,).
+        hinge: where the object turns about the line through two contacts, from the first to the
+            second: what `exact.check_escaping_hinge` takes. Elsewhere `exact.check_escaping_twist`
+            takes the twist.
+    """
 
     twist: Array
-    """(omega, v_Bo) [rad/s, m/s], expressed in B, as in Drake's SpatialVelocity, shape (6,)."""
     hinge: tuple[int, int] | None = None
-    """Where the object turns about the line through two contacts, from the first to the second:
-    what `exact.check_escaping_hinge` takes. Elsewhere `exact.check_escaping_twist` takes the
-    twist."""
 
 
 def find_escape(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Escape | None:

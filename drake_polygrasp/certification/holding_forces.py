@@ -19,16 +19,19 @@ from drake_polygrasp.wrenches.support import cone_wrenches
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Contact forces that hold an object against K loads, each with one total normal force."""
+    """Contact forces that hold an object against K loads, each with one total normal force.
+
+    Attributes:
+        squeeze: total normal force [N].
+        wrench_B: the loads: force [N] and torque about the centre of mass [N m], shape (K, 6).
+        f_Bc_B: forces on B at the contacts [N], shape (K, 3, 3).
+        spare_friction: the least over contacts of mu n.f less the tangential force [N], shape (K,).
+    """
 
     squeeze: float
-    """Total normal force [N]."""
     wrench_B: Array
-    """The loads: force [N] and torque about the centre of mass [N m], shape (K, 6)."""
     f_Bc_B: Array
-    """Forces on B at the contacts [N], shape (K, 3, 3)."""
     spare_friction: Array
-    """The least over contacts of mu n.f less the tangential force [N], shape (K,)."""
 
     def rows(self, which: slice) -> Holding:
         """Only some of the loads."""

@@ -44,15 +44,19 @@ _FORCE = slice(0, 3)
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Bounds of a radius, and the polytope inside W that proves the lower one."""
+    """Bounds of a radius, and the polytope inside W that proves the lower one.
+
+    Attributes:
+        lower: 0 where the polytope is degenerate or the origin is not inside it.
+        upper: at most this.
+        normals: outward unit facet normals w, shape (F, 6): wrenches (force, torque / rho).
+        offsets: facets w.g <= offset, shape (F,).
+    """
 
     lower: float
-    """0 where the polytope is degenerate or the origin is not inside it."""
     upper: float
     normals: Array
-    """Outward unit facet normals w, shape (F, 6): wrenches (force, torque / rho)."""
     offsets: Array
-    """Facets w.g <= offset, shape (F,)."""
 
 
 def epsilon_interval(

@@ -32,15 +32,20 @@ _PAUSE = 0.1
 
 @dataclass(frozen=True)
 class ChildLimits:
-    """What the child does, for people, and how long it may take [s]."""
+    """What the child does, for people, and how long it may take [s].
+
+    Attributes:
+        name: what the child does, for messages.
+        seconds: between two words on progress, where the function gives any.
+        unit: what the function counts in its `progress` callback ("grasps"); none where it has
+            none.
+        quiet: whether nothing is said of progress, not even on a terminal.
+    """
 
     name: str
     seconds: float = WORK_SECONDS
-    """Between two words on progress, where the function gives any."""
     unit: str = ""
-    """What the function counts in its `progress` callback ("grasps"); none where it has none."""
     quiet: bool = False
-    """Whether nothing is said of progress, not even on a terminal."""
 
 
 def call_in_child(

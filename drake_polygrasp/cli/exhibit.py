@@ -25,12 +25,17 @@ _POLL = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ShownScene:
-    """An object, its ranked grasps, and fingertips to draw on it."""
+    """An object, its ranked grasps, and fingertips to draw on it.
+
+    Attributes:
+        object_: what is grasped.
+        grasps: best first.
+        tip_radius: [m]; None where no plan states it.
+    """
 
     object_: GraspObject
     grasps: tuple[AnyGrasp, ...]
     tip_radius: float | None
-    """[m]; None where no plan states it."""
 
 
 def is_model(name: str) -> bool:

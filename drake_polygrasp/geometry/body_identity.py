@@ -20,12 +20,15 @@ _SAME = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class BodyIdentity:
-    """A body's surface in its frame B, in a few lengths, and its names in plants."""
+    """A body's surface in its frame B, in a few lengths, and its names in plants.
+
+    Attributes:
+        lengths: as of `surface_lengths` [m], shape (16,).
+        names: of the body in one plant or several; none for an object of a file.
+    """
 
     lengths: Array
-    """As of `surface_lengths` [m], shape (16,)."""
     names: tuple[str, ...] = ()
-    """Of the body in one plant or several; none for an object of a file."""
 
     def is_shape_of(self, other: BodyIdentity) -> bool:
         """Whether both have the same surface in the same frame."""

@@ -33,14 +33,17 @@ _AT_ONCE = 64
 
 @dataclass(frozen=True, eq=False)
 class Cavities:
-    """The cells of a grid that are in sealed cavities."""
+    """The cells of a grid that are in sealed cavities.
+
+    Attributes:
+        p_BG: the grid's least corner in B, shape (3,) [m].
+        side: of a cell [m].
+        sealed: shape (nx, ny, nz).
+    """
 
     p_BG: Array
-    """The grid's least corner in B, shape (3,) [m]."""
     side: float
-    """Of a cell [m]."""
     sealed: Bools
-    """Shape (nx, ny, nz)."""
 
     def sealed_at(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
         """Whether contacts p_BC [m] with inward normals, both (M, 3), face a sealed cell, (M,).

@@ -23,14 +23,17 @@ AVOID_ANGLE = np.pi / 4
 
 @dataclass(frozen=True, eq=False)
 class Exclusion:
-    """Faces and directions to avoid; see `exclusion` for the meaning of what is given."""
+    """Faces and directions to avoid; see `exclusion` for the meaning of what is given.
+
+    Attributes:
+        directions_B: unit vectors, shape (D, 3).
+        faces: indices, ascending, each once.
+        angle: [rad], between an outward normal and a direction.
+    """
 
     directions_B: Array
-    """Unit vectors, shape (D, 3)."""
     faces: tuple[int, ...]
-    """Indices, ascending, each once."""
     angle: float = AVOID_ANGLE
-    """[rad], between an outward normal and a direction."""
 
     def __bool__(self) -> bool:
         return bool(self.faces) or len(self.directions_B) > 0

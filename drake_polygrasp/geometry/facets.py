@@ -46,14 +46,17 @@ def is_covered(
 
 
 class Facets(NamedTuple):
-    """What contacts on patches ask of all triangles again and again."""
+    """What contacts on patches ask of all triangles again and again.
+
+    Attributes:
+        nhat: outward normals, shape (T, 3).
+        mu: of the face or patch of each, NaN where it has none, shape (T,).
+        wide: whether each is no sliver, shape (T,).
+    """
 
     nhat: Array
-    """Outward normals, shape (T, 3)."""
     mu: Array
-    """Of the face or patch of each, NaN where it has none, shape (T,)."""
     wide: Bools
-    """Whether each is no sliver, shape (T,)."""
 
 
 def facets_of(polyhedron: Polyhedron) -> Facets:

@@ -25,23 +25,26 @@ _SAME_POSE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Solids near a body, in its frame B, as they stood at one moment."""
+    """Solids near a body, in its frame B, as they stood at one moment.
+
+    Attributes:
+        X_WB: the body's pose at that moment: what is planned in B is in the world by `p_WC = (X_WB
+            @ p_BC.T).T`.
+        names: of those of which something is within `reach`.
+        triangles_B: surfaces [m], shape (T, 3, 3), counter-clockwise from outside.
+        closed: whether each triangle's shell is closed and so has an inside, shape (T,).
+        primitives: curved solids, which have no triangles here.
+        reach: what is farther than this from the body's bounding box has been left out [m].
+        body: whose obstacles these are; None where that is not known.
+    """
 
     X_WB: RigidTransform
-    """The body's pose at that moment: what is planned in B is in the world by
-    `p_WC = (X_WB @ p_BC.T).T`."""
     names: tuple[str, ...]
-    """Of those of which something is within `reach`."""
     triangles_B: Array
-    """Surfaces [m], shape (T, 3, 3), counter-clockwise from outside."""
     closed: Bools
-    """Whether each triangle's shell is closed and so has an inside, shape (T,)."""
     primitives: tuple[Primitive, ...]
-    """Curved solids, which have no triangles here."""
     reach: float
-    """What is farther than this from the body's bounding box has been left out [m]."""
     body: BodyIdentity | None = None
-    """Whose obstacles these are; None where that is not known."""
 
     def joined(self, *others: Obstacles) -> Obstacles:
         """Returns these obstacles with those of other plants or moments around the same body.

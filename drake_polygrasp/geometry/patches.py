@@ -54,15 +54,21 @@ _FOLDED = 0.1
 
 
 class Patch(NamedTuple):
-    """A plane fitted to connected facets, and their outline."""
+    """A plane fitted to connected facets, and their outline.
+
+    Attributes:
+        R_BF: shape (3, 3), Fz outward.
+        offset: of the plane along Fz [m].
+        polygon_F: outline in the plane of the patch [m].
+        reach: greatest distance of the facets from the plane [m].
+        triangles: rows of the triangles of the patch.
+        mu: friction coefficient.
+    """
 
     R_BF: Array
-    """Shape (3, 3), Fz outward."""
     offset: float
-    """Of the plane along Fz [m]."""
     polygon_F: shapely.Polygon
     reach: float
-    """Greatest distance of the facets from the plane [m]."""
     triangles: Ints
     mu: float
 

@@ -31,20 +31,23 @@ class Face:
     Possibly non-convex, possibly with holes. Patches may overlap.
 
     Its frame F has its origin Fo on the face's plane and Fz the outward normal.
+
+    Attributes:
+        R_BF: shape (3, 3), columns Fx, Fy, Fz.
+        p_BF: [m], shape (3,).
+        polygon_F: the face in the coordinates of Fx and Fy [m].
+        mu: friction coefficient.
+        reach: how far the surface lies off the plane [m]: 0 for a true face; more for a patch of a
+            curved or noisy surface, on which contacts move from the plane to the surface.
+        primitive: the curved solid whose surface a patch stands for; None where the triangles are.
     """
 
     R_BF: Array
-    """Shape (3, 3), columns Fx, Fy, Fz."""
     p_BF: Array
-    """[m], shape (3,)."""
     polygon_F: shapely.Polygon
-    """The face in the coordinates of Fx and Fy [m]."""
     mu: float
     reach: float = 0.0
-    """How far the surface lies off the plane [m]: 0 for a true face; more for a patch of a curved
-    or noisy surface, on which contacts move from the plane to the surface."""
     primitive: Primitive | None = None
-    """The curved solid whose surface a patch stands for; None where the triangles are."""
 
     @property
     def nhat_TB_B(self) -> Array:
@@ -54,28 +57,32 @@ class Face:
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
-    """Faces sorted by (outward normal, offset, centroid) rounded to 1e-9 L, and raw triangles."""
+    """Faces sorted by (outward normal, offset, centroid) rounded to 1e-9 L, and raw triangles.
+
+    Attributes:
+        faces: planar faces, then patches.
+        diameter: L [m]: greatest distance between two vertices.
+        triangles_B: all collision triangles [m], shape (T, 3, 3), counter-clockwise from outside.
+        triangle_face: the face that each triangle shares most of its area with, -1 where it is
+            wholly covered or belongs to no face, shape (T,).
+        closed: whether each triangle's shell is closed and so has an inside, shape (T,); None when
+            all are.
+        primitives: the curved solids among the body's parts; their triangles are inscribed in them.
+        cavities: the rooms that the parts seal, whose walls are no faces; None when there are none.
+        own: whether each triangle is of the body, or of another that covers it, shape (T,); None
+            when all are its own.
+        covering: the curved solids of other bodies that cover it.
+    """
 
     faces: tuple[Face, ...]
     diameter: float
-    """L [m]: greatest distance between two vertices."""
     triangles_B: Array
-    """All collision triangles [m], shape (T, 3, 3), counter-clockwise from outside."""
     triangle_face: Ints
-    """The face that each triangle shares most of its area with, -1 where it is wholly covered or
-    belongs to no face, shape (T,)."""
     closed: Bools | None = None
-    """Whether each triangle's shell is closed and so has an inside, shape (T,); None when all
-    are."""
     primitives: tuple[Primitive, ...] = ()
-    """The curved solids among the body's parts; their triangles are inscribed in them."""
     cavities: Cavities | None = None
-    """The rooms that the parts seal, whose walls are no faces; None when there are none."""
     own: Bools | None = None
-    """Whether each triangle is of the body, or of another that covers it, shape (T,); None when all
-    are its own."""
     covering: tuple[Primitive, ...] = ()
-    """The curved solids of other bodies that cover it."""
 
     @cached_property
     def own_triangles_B(self) -> Array:

@@ -24,16 +24,20 @@ _ROUNDS = 200
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """A curved solid and its pose."""
+    """A curved solid and its pose.
+
+    Attributes:
+        kind: a sphere is an ellipsoid.
+        R_BG: axes of the shape in B, shape (3, 3).
+        p_BG: [m], shape (3,).
+        radii: semi-axes along Gx, Gy, Gz; of cylinder and capsule, of the circle, twice, and half
+            the length of the axis between the centres of their ends [m], shape (3,).
+    """
 
     kind: Literal["ellipsoid", "cylinder", "capsule"]
-    """A sphere is an ellipsoid."""
     R_BG: Array
     p_BG: Array
-    """[m], shape (3,)."""
     radii: Array
-    """Semi-axes along Gx, Gy, Gz; of cylinder and capsule, of the circle, twice, and half the
-    length of the axis between the centres of their ends [m], shape (3,)."""
 
     @property
     def bend(self) -> float:

@@ -30,28 +30,32 @@ class Regions:
 
     Boundaries are ragged: region r has the closed rings `ring_offsets[region_offsets[r]:
     region_offsets[r + 1] + 1]` into `p_BV`, the first of each Polygon its exterior.
+
+    Attributes:
+        polygon_F: shapely Polygons in the coordinates of their face's frame F, shape (n,).
+        face: index of the face, shape (n,).
+        R_BF: shape (n, 3, 3).
+        p_BF: [m], shape (n, 3).
+        nhat_TB_B: inward unit normals, shape (n, 3).
+        mu: shape (n,).
+        area: [m^2], shape (n,).
+        p_BV: ring vertices, each ring's first repeated at its end [m], shape (V, 3).
+        ring_offsets: where each ring's vertices begin.
+        region_offsets: where each region's rings begin.
+        num_left_out: faces too narrow for a finger.
     """
 
     polygon_F: npt.NDArray[np.object_]
-    """shapely Polygons in the coordinates of their face's frame F, shape (n,)."""
     face: Ints
-    """Index of the face, shape (n,)."""
     R_BF: Array
-    """Shape (n, 3, 3)."""
     p_BF: Array
-    """[m], shape (n, 3)."""
     nhat_TB_B: Array
-    """Inward unit normals, shape (n, 3)."""
     mu: Array
-    """Shape (n,)."""
     area: Array
-    """[m^2], shape (n,)."""
     p_BV: Array
-    """Ring vertices, each ring's first repeated at its end [m], shape (V, 3)."""
     ring_offsets: Ints
     region_offsets: Ints
     num_left_out: int
-    """Faces too narrow for a finger."""
 
     def take(self, kept: Bools) -> Regions:
         """Those that `kept` says, shape (n,)."""
@@ -158,14 +162,17 @@ def nearest_points(shapes: Shapes, points: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Boundary:
-    """The directed edges of all regions, flat; every vertex is the tail of exactly one edge."""
+    """The directed edges of all regions, flat; every vertex is the tail of exactly one edge.
+
+    Attributes:
+        tail: [m], shape (E, 3).
+        head: [m], shape (E, 3).
+        offsets: region r has the edges `offsets[r]:offsets[r + 1]`, shape (n + 1,).
+    """
 
     tail: Array
-    """[m], shape (E, 3)."""
     head: Array
-    """[m], shape (E, 3)."""
     offsets: Ints
-    """Region r has the edges `offsets[r]:offsets[r + 1]`, shape (n + 1,)."""
 
 
 def boundary(regions: Regions) -> Boundary:

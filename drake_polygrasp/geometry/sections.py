@@ -35,35 +35,44 @@ class Mesh(NamedTuple):
     """All shells of a body and its covers, outward.
 
     Rows of `corners`, `shell`, `mu`, `curve` and `own` are triangles.
+
+    Attributes:
+        vertices: in B [m], shape (V, 3).
+        corners: vertex indices, shape (T, 3).
+        shell: shell of each triangle, shape (T,).
+        mu: friction coefficient of each triangle, shape (T,).
+        curve: the curved solid that each triangle is a facet of, -1 for none.
+        own: whether each triangle is of the body, or of another that only covers it, shape (T,).
+        low: least corner of the bounding box of each shell, shape (S, 3).
+        high: greatest corner of that box, shape (S, 3).
+        closed: whether each shell is watertight, shape (S,).
+        simple: whether each shell is a manifold, and so does not cover itself, shape (S,).
     """
 
     vertices: Array
-    """In B [m], shape (V, 3)."""
     corners: Ints
-    """Vertex indices, shape (T, 3)."""
     shell: Ints
     mu: Array
     curve: Ints
-    """The curved solid that each triangle is a facet of, -1 for none."""
     own: Bools
-    """Whether each triangle is of the body, or of another that only covers it, shape (T,)."""
     low: Array
-    """Least corner of the bounding box of each shell, shape (S, 3)."""
     high: Array
     closed: Bools
-    """Whether each shell is watertight, shape (S,)."""
     simple: Bools
-    """Whether each shell is a manifold, and so does not cover itself, shape (S,)."""
 
 
 class Plane(NamedTuple):
-    """A plane of faces, Fz outward."""
+    """A plane of faces, Fz outward.
+
+    Attributes:
+        R_BF: axes of the plane; the third is its normal, shape (3, 3).
+        offset: of the plane along Fz [m].
+        triangles: those that lie in it.
+    """
 
     R_BF: Array
     offset: float
-    """Of the plane along Fz [m]."""
     triangles: Ints
-    """Those that lie in it."""
 
 
 def covered(mesh: Mesh, plane: Plane, shells: Ints, L: float) -> Polygons:

@@ -19,18 +19,22 @@ _JUST_OUTSIDE = 1e-4
 
 
 class Shells(NamedTuple):
-    """Triangles by vertex index, each shell oriented outward."""
+    """Triangles by vertex index, each shell oriented outward.
+
+    Attributes:
+        corners: vertex indices, shape (T, 3), counter-clockwise from outside.
+        shell: the shell of each triangle, numbered from 0 in the order of first triangles, shape
+            (T,).
+        closed: whether each shell is watertight, shape (S,).
+        simple: whether no edge of each shell has more than two of its triangles, shape (S,).
+        turned: whether each triangle ran the other way as it was given, shape (T,).
+    """
 
     corners: Ints
-    """Vertex indices, shape (T, 3), counter-clockwise from outside."""
     shell: Ints
-    """The shell of each triangle, numbered from 0 in the order of first triangles, shape (T,)."""
     closed: Bools
-    """Whether each shell is watertight, shape (S,)."""
     simple: Bools
-    """Whether no edge of each shell has more than two of its triangles, shape (S,)."""
     turned: Bools
-    """Whether each triangle ran the other way as it was given, shape (T,)."""
 
 
 def weld(triangles: Array, tolerance: float) -> tuple[Array, Ints]:

@@ -42,17 +42,21 @@ _JUST_OUTSIDE = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One collision geometry of a body."""
+    """One collision geometry of a body.
+
+    Attributes:
+        triangles_B: [m], shape (T, 3, 3), in any sense of rotation.
+        mu: friction coefficient.
+        primitive: the curved solid that the triangles are inscribed in.
+        warnings: what was changed of the geometry's file, one sentence each.
+        own: false for the geometry of another body, which covers faces and leaves tips no room.
+    """
 
     triangles_B: Array
-    """[m], shape (T, 3, 3), in any sense of rotation."""
     mu: float
     primitive: Primitive | None = None
-    """The curved solid that the triangles are inscribed in."""
     warnings: tuple[str, ...] = ()
-    """What was changed of the geometry's file, one sentence each."""
     own: bool = True
-    """False for the geometry of another body, which covers faces and leaves tips no room."""
 
 
 def curved_part(primitive: Primitive, mu: float) -> Part:

@@ -41,14 +41,17 @@ noise."""
 
 
 class ProjectedContacts(NamedTuple):
-    """Contacts on the true surface."""
+    """Contacts on the true surface.
+
+    Attributes:
+        p_BC: [m], shape (M, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3).
+        ok: whether there is a true surface to touch, shape (M,).
+    """
 
     p_BC: Array
-    """[m], shape (M, 3)."""
     nhat_TB_B: Array
-    """Inward unit normals, shape (M, 3)."""
     ok: Bools
-    """Whether there is a true surface to touch, shape (M,)."""
 
 
 def project_contacts(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> ProjectedContacts:
@@ -120,14 +123,17 @@ def _outermost(
 
 
 class LocatedContacts(NamedTuple):
-    """Contacts that were stated, as the surface itself has them."""
+    """Contacts that were stated, as the surface itself has them.
+
+    Attributes:
+        face: the face that each contact is on, -1 where it is on none, shape (M,).
+        p_BC: on a triangle of the face [m], shape (M, 3).
+        nhat_TB_B: that triangle's inward unit normal, shape (M, 3).
+    """
 
     face: Ints
-    """The face that each contact is on, -1 where it is on none, shape (M,)."""
     p_BC: Array
-    """On a triangle of the face [m], shape (M, 3)."""
     nhat_TB_B: Array
-    """That triangle's inward unit normal, shape (M, 3)."""
 
 
 def locate_contacts(polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array) -> LocatedContacts:

@@ -48,10 +48,13 @@ class _Boxes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TriangleSoup:
-    """Triangles in no order, with the trees that finding them takes, each built once."""
+    """Triangles in no order, with the trees that finding them takes, each built once.
+
+    Attributes:
+        triangles: shape (T, 3, 3).
+    """
 
     triangles: Array
-    """Shape (T, 3, 3)."""
 
     @cached_property
     def _boxes(self) -> _Boxes:

@@ -33,12 +33,15 @@ _FRICTION = f"it must be above 0 and at most {MAX_FRICTION:g}"
 
 
 class MassProperties(NamedTuple):
-    """Of a body."""
+    """Of a body.
+
+    Attributes:
+        mass: [kg]
+        p_BBcm: centre of mass [m], shape (3,).
+    """
 
     mass: float
-    """[kg]"""
     p_BBcm: Array
-    """Centre of mass [m], shape (3,)."""
 
 
 def mass_properties(group: RigidGroup, context: Context) -> MassProperties | None:

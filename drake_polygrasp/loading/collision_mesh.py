@@ -39,14 +39,17 @@ from drake_polygrasp.loading.obj_file import read_obj, write_obj
 
 @dataclass(frozen=True, eq=False)
 class CollisionMesh:
-    """A shape's surface in its geometry frame G."""
+    """A shape's surface in its geometry frame G.
+
+    Attributes:
+        shape: the shape for plants of our own: the given one, or a Mesh in memory that is mended.
+        triangles_G: [m], shape (T, 3, 3).
+        warnings: what differs from the geometry that Drake makes of the shape, one sentence each.
+    """
 
     shape: Box | Convex | Mesh
-    """The shape for plants of our own: the given one, or a Mesh in memory that is mended."""
     triangles_G: Array
-    """[m], shape (T, 3, 3)."""
     warnings: tuple[str, ...] = ()
-    """What differs from the geometry that Drake makes of the shape, one sentence each."""
 
 
 def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:

@@ -24,12 +24,15 @@ class MjcfBody(NamedTuple):
 
 @dataclass(frozen=True)
 class MjcfGeom:
-    """A <geom> that collides."""
+    """A <geom> that collides.
+
+    Attributes:
+        name: without the spaces about it.
+        attributes: its own and those that its class of defaults adds.
+    """
 
     name: str
-    """Without the spaces about it."""
     attributes: dict[str, str]
-    """Its own and those that its class of defaults adds."""
 
 
 def find_bodies(root: Element, first_index: int) -> dict[str, MjcfBody]:

@@ -22,13 +22,17 @@ _MAX_NODES = 1_000_000
 
 @dataclass(frozen=True)
 class Addition:
-    """What one of a file's model directives adds: a model, or further directives."""
+    """What one of a file's model directives adds: a model, or further directives.
+
+    Attributes:
+        uri: what to add: a path or a URI, as stated.
+        name: of the model; None for directives.
+        namespace: of the directives' models.
+    """
 
     uri: str
     name: str | None
-    """Of the model; None for directives."""
     namespace: str = ""
-    """Of the directives' models."""
 
 
 def read_directives(path: Path) -> list[Addition]:

@@ -27,10 +27,16 @@ class Dialect(StrEnum):
 
 @dataclass(frozen=True)
 class StatedModel:
-    """A model as a document states it."""
+    """A model as a document states it.
+
+    Attributes:
+        element: <model> of SDF, <robot> of URDF, <mujoco> of MJCF with what it includes; empty of
+            OBJ.
+        dialect: the language of the document.
+        path: the document.
+    """
 
     element: Element
-    """<model> of SDF, <robot> of URDF, <mujoco> of MJCF with what it includes; empty of OBJ."""
     dialect: Dialect
     path: Path
 

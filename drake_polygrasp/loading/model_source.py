@@ -27,17 +27,22 @@ _ROOTS = {".sdf": "sdf", ".urdf": "robot", ".xml": "mujoco"}
 
 @dataclass
 class ModelFiles:
-    """All files of a model, each once, in document order."""
+    """All files of a model, each once, in document order.
+
+    Attributes:
+        model_file: the file given to the Parser.
+        documents: the model and what it includes; parsed when it is XML.
+        meshes: collision meshes.
+        additions: what each file of model directives adds.
+        includes: the document that each SDF include or directive means, by including document and
+            URI.
+    """
 
     model_file: Path
     documents: dict[Path, Element | None] = field(default_factory=dict)
-    """The model and what it includes; parsed when it is XML."""
     meshes: dict[Path, None] = field(default_factory=dict)
-    """Collision meshes."""
     additions: dict[Path, list[Addition]] = field(default_factory=dict)
-    """What each file of model directives adds."""
     includes: dict[tuple[Path, str], Path] = field(default_factory=dict)
-    """The document that each SDF include or directive means, by including document and URI."""
 
     @property
     def sha256(self) -> str:

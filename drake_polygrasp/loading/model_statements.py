@@ -43,14 +43,17 @@ _READ_FRICTION = {
 
 @dataclass(frozen=True)
 class Statements:
-    """What the files say of one link."""
+    """What the files say of one link.
+
+    Attributes:
+        mass: whether they state a mass.
+        friction: whether they state friction that Drake reads, of each of its collision geometries.
+        unread: where they state friction that Drake does not read, as people write it.
+    """
 
     mass: bool
-    """Whether they state a mass."""
     friction: Mapping[GeometryId, bool]
-    """Whether they state friction that Drake reads, of each of its collision geometries."""
     unread: tuple[str, ...] = ()
-    """Where they state friction that Drake does not read, as people write it."""
 
 
 class _Link(NamedTuple):

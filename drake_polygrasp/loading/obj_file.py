@@ -20,14 +20,17 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 @dataclass(frozen=True, eq=False)
 class ObjFile:
-    """Vertices and faces in the file's order."""
+    """Vertices and faces in the file's order.
+
+    Attributes:
+        vertices: as the file states them, before scaling, shape (V, 3).
+        corners: vertex indices from 0 of all faces, one face after the other, shape (N,).
+        offsets: where each face begins in `corners`, and N, shape (F + 1,).
+    """
 
     vertices: Array
-    """As the file states them, before scaling, shape (V, 3)."""
     corners: Ints
-    """Vertex indices from 0 of all faces, one face after the other, shape (N,)."""
     offsets: Ints
-    """Where each face begins in `corners`, and N, shape (F + 1,)."""
 
 
 def read_obj(content: bytes) -> ObjFile:

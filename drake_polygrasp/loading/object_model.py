@@ -39,16 +39,20 @@ from drake_polygrasp.loading.shapes import is_hull, mended
 
 @dataclass(frozen=True)
 class Solid:
-    """A rigid body as its model has it, all its links together."""
+    """A rigid body as its model has it, all its links together.
+
+    Attributes:
+        M_BBo_B: about Bo, expressed in B.
+        parts: each collision geometry G's shape and pose X_BG.
+        covers: likewise, of links on joints in the model's default posture, with their names.
+        is_hulls: whether each of both is its own convex hull, which is what point contact makes of
+            a Mesh.
+    """
 
     M_BBo_B: SpatialInertia
-    """About Bo, expressed in B."""
     parts: tuple[tuple[Shape, RigidTransform], ...]
-    """Each collision geometry G's shape and pose X_BG."""
     covers: tuple[tuple[str, Shape, RigidTransform], ...]
-    """Likewise, of links on joints in the model's default posture, with their names."""
     is_hulls: bool
-    """Whether each of both is its own convex hull, which is what point contact makes of a Mesh."""
 
 
 def load_object(

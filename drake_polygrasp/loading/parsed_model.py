@@ -34,13 +34,21 @@ _DENSITY = 1000.0
 
 
 class ParsedModel(NamedTuple):
-    """What a model file holds, the rigid body that was asked for, and what Drake warned of."""
+    """What a model file holds, the rigid body that was asked for, and what Drake warned of.
+
+    Attributes:
+        files: the model file and all that it refers to.
+        plant: the finalized plant that Drake made of it.
+        scene_graph: its scene graph.
+        context: the plant's own, with the model's defaults.
+        group: the links that move as one with the chosen body.
+        warnings: what a reader should know of how the model was read.
+    """
 
     files: ModelFiles
     plant: MultibodyPlant
     scene_graph: SceneGraph
     context: Context
-    """The plant's own, with the model's defaults."""
     group: RigidGroup
     warnings: list[str]
 

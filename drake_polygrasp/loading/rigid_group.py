@@ -46,16 +46,20 @@ class Collider(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RigidGroup:
-    """All links that are fixed to one another, one of which is the body B."""
+    """All links that are fixed to one another, one of which is the body B.
+
+    Attributes:
+        body: its frame is B.
+        links: those of the rigid body, B's own among them, in the plant's order.
+        on_joints: other links that joints, and links on joints, connect with these, where they are
+            now.
+        tied_by: names of joints that fix links to the world, or let them move on it but not freely.
+    """
 
     body: RigidBody
-    """Its frame is B."""
     links: tuple[Link, ...]
-    """Those of the rigid body, B's own among them, in the plant's order."""
     on_joints: tuple[Link, ...]
-    """Other links that joints, and links on joints, connect with these, where they are now."""
     tied_by: tuple[str, ...]
-    """Names of joints that fix links to the world, or let them move on it but not freely."""
 
     @property
     def names(self) -> tuple[str, ...]:

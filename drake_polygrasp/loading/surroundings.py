@@ -39,14 +39,17 @@ from drake_polygrasp.loading.shapes import mended
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Collision geometry around a body, in its frame B, as it stood at one moment."""
+    """Collision geometry around a body, in its frame B, as it stood at one moment.
+
+    Attributes:
+        parts: each collision geometry's name, shape and pose X_BG. The name is that of the body, or
+            the geometry's own where that belongs to the world.
+        body: whose surroundings these are; None where that is not known.
+    """
 
     parts: tuple[tuple[str, Shape, RigidTransform], ...]
-    """Each collision geometry's name, shape and pose X_BG. The name is that of the body, or the
-    geometry's own where that belongs to the world."""
 
     body: BodyIdentity | None = None
-    """Whose surroundings these are; None where that is not known."""
 
     @property
     def names(self) -> tuple[str, ...]:

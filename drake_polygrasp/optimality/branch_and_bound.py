@@ -38,16 +38,19 @@ _ROUNDS = (1,) * 8
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """What no grasp on the regions exceeds."""
+    """What no grasp on the regions exceeds.
+
+    Attributes:
+        bound: epsilon of any three contacts is at most this.
+        nodes: triples of triangles that were bounded.
+        complete: whether none is left that could hold a grasp better by more than `TOLERANCE`.
+        best: the best grasp met on the way, one row or none.
+    """
 
     bound: float
-    """epsilon of any three contacts is at most this."""
     nodes: int
-    """Triples of triangles that were bounded."""
     complete: bool
-    """Whether none is left that could hold a grasp better by more than `TOLERANCE`."""
     best: Triples
-    """The best grasp met on the way, one row or none."""
 
 
 def bound_optimum(

@@ -48,16 +48,19 @@ _TINY = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class CellTriples:
-    """Three triangular cells a row, each on a region, and what is known of the grasps in them."""
+    """Three triangular cells a row, each on a region, and what is known of the grasps in them.
+
+    Attributes:
+        region: shape (N, 3).
+        r_CmV: corners from the centre of mass, over rho, expressed in B, shape (N, 3 cells, 3, 3).
+        bound: epsilon is nowhere more, shape (N,).
+        w: directions that bound well, shape (N, KEPT, 6).
+    """
 
     region: Ints
-    """Shape (N, 3)."""
     r_CmV: Array
-    """Corners from the centre of mass, over rho, expressed in B, shape (N, 3 cells, 3, 3)."""
     bound: Array
-    """epsilon is nowhere more, shape (N,)."""
     w: Array
-    """Directions that bound well, shape (N, KEPT, 6)."""
 
     def take(self, rows: Ints) -> CellTriples:
         """The same for some of the rows."""

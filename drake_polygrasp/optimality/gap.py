@@ -29,31 +29,38 @@ RELATIVE_GAP = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class BetterGrasp:
-    """Contacts that hold better than any grasp of a plan: proved, and with room for fingertips."""
+    """Contacts that hold better than any grasp of a plan: proved, and with room for fingertips.
+
+    Attributes:
+        faces: faces of its contacts, ascending.
+        p_BC: [m], shape (3, 3).
+        epsilon: a lower bound.
+    """
 
     faces: tuple[int, int, int]
     p_BC: Array
-    """[m], shape (3, 3)."""
     epsilon: float
-    """A lower bound."""
 
 
 @dataclass(frozen=True, eq=False)
 class OptimalityGap:
-    """An upper bound of what is possible, and how far a plan is below it."""
+    """An upper bound of what is possible, and how far a plan is below it.
+
+    Attributes:
+        epsilon_bound: no three contacts on the plan's regions have a greater epsilon.
+        epsilon: a lower bound of that of the plan's best grasp, 0 without any.
+        rank: which grasp of the plan that is, from 1; 0 without any.
+        nodes: triples of pieces of faces that were bounded.
+        complete: whether the search ended by itself: more nodes would not lower the bound.
+        better: met on the way; not among the plan's grasps.
+    """
 
     epsilon_bound: float
-    """No three contacts on the plan's regions have a greater epsilon."""
     epsilon: float
-    """A lower bound of that of the plan's best grasp, 0 without any."""
     rank: int
-    """Which grasp of the plan that is, from 1; 0 without any."""
     nodes: int
-    """Triples of pieces of faces that were bounded."""
     complete: bool
-    """Whether the search ended by itself: more nodes would not lower the bound."""
     better: BetterGrasp | None
-    """Met on the way; not among the plan's grasps."""
 
     @property
     def relative_gap(self) -> float | None:

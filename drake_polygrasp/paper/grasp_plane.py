@@ -34,26 +34,30 @@ because files round coordinates, and harmless, because the best row is kept."""
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """Planes Pi_p for sets of faces, one row a choice."""
+    """Planes Pi_p for sets of faces, one row a choice.
+
+    Attributes:
+        owner: index of each row's set in the batch the rows were made from, shape (M,).
+        region: A_1, A_2, A_3, shape (M, 3); for pairs A_3 is A_2, and roles are settled on the
+            plane.
+        nhat_B: N, unit normal of Pi_p, shape (M, 3).
+        along_B: unit direction in Pi_p: n_bs, or n'_f of the face that defines Pi_s, shape (M, 3).
+        low: lower bound of R^s along N [m], shape (M,).
+        high: upper bound [m], shape (M,).
+        height: first choice of N . p on Pi_p [m], shape (M,).
+        area_s: i^s [m^2], shape (M,).
+        d_1: distance from c_I^s to c_m^s [m], shape (M,).
+    """
 
     owner: Ints
-    """Index of each row's set in the batch the rows were made from, shape (M,)."""
     region: Ints
-    """A_1, A_2, A_3, shape (M, 3); for pairs A_3 is A_2, and roles are settled on the plane."""
     nhat_B: Array
-    """N, unit normal of Pi_p, shape (M, 3)."""
     along_B: Array
-    """Unit direction in Pi_p: n_bs, or n'_f of the face that defines Pi_s, shape (M, 3)."""
     low: Array
-    """Lower bound of R^s along N [m], shape (M,)."""
     high: Array
-    """Upper bound [m], shape (M,)."""
     height: Array
-    """First choice of N . p on Pi_p [m], shape (M,)."""
     area_s: Array
-    """I^s [m^2], shape (M,)."""
     d_1: Array
-    """Distance from c_I^s to c_m^s [m], shape (M,)."""
 
     def take(self, rows: Ints | Bools) -> Planes:
         """The same for some of the rows."""

@@ -131,16 +131,19 @@ def least_opposing_friction(nhat: Array) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Parallel:
-    """The triples that are parallel (4.1)."""
+    """The triples that are parallel (4.1).
+
+    Attributes:
+        rows: which of the M triples they are, ascending, shape (K,).
+        opposing: position 0, 1 or 2 of the face that opposes the two others, shape (K,).
+        nhat_bs: unit n_bs: axis of the least cap around n_i, n_j and -n_k, shape (K, 3).
+        radius: angular radius of that cap [rad], shape (K,).
+    """
 
     rows: Ints
-    """Which of the M triples they are, ascending, shape (K,)."""
     opposing: Ints
-    """Position 0, 1 or 2 of the face that opposes the two others, shape (K,)."""
     nhat_bs: Array
-    """Unit n_bs: axis of the least cap around n_i, n_j and -n_k, shape (K, 3)."""
     radius: Array
-    """Angular radius of that cap [rad], shape (K,)."""
 
 
 def classify(nhat: Array, alpha: Array) -> Parallel:

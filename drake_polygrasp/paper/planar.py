@@ -20,14 +20,17 @@ from drake_polygrasp.vectors import cross, dot, unit
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """The object's size, which lengths are compared with, and its centre of mass."""
+    """The object's size, which lengths are compared with, and its centre of mass.
+
+    Attributes:
+        p_BBcm: [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        diameter: L [m].
+    """
 
     p_BBcm: Array
-    """[m], shape (3,)."""
     rho: float
-    """Greatest distance from the centre of mass to the surface [m]."""
     diameter: float
-    """L [m]."""
 
     @property
     def length_slack(self) -> float:
@@ -102,14 +105,17 @@ class Section:
     """The segments a_i = Pi_p cut with A_i (Section 4), several where a face is not convex.
 
     The point of the cut at coordinate s along the row's axis is `p_BS + s * slope_B`.
+
+    Attributes:
+        p_BS: point of the cut's line at s = 0 [m], shape (K, 3).
+        slope_B: change of the point with s, shape (K, 3).
+        intervals: ends of the segments as values of s, ascending, padded with NaN [m], shape (K, S,
+            2).
     """
 
     p_BS: Array
-    """Point of the cut's line at s = 0 [m], shape (K, 3)."""
     slope_B: Array
-    """Change of the point with s, shape (K, 3)."""
     intervals: Array
-    """Ends of the segments as values of s, ascending, padded with NaN [m], shape (K, S, 2)."""
 
     def points(self, s: Array) -> Array:
         """Points at coordinates s of shape (K,) or (K, J); shape (K, 3) or (K, J, 3)."""

@@ -23,16 +23,19 @@ from drake_polygrasp.vectors import cross, dot, product, transformed, unit
 
 @dataclass(frozen=True, eq=False)
 class PlaneDirections:
-    """Non-parallel sets on planes parallel to Pi_l."""
+    """Non-parallel sets on planes parallel to Pi_l.
+
+    Attributes:
+        nhat_B: N, unit normal of Pi_l, shape (M, 3).
+        that: t_i = N x n'_i, unit, shape (M, 3, 3).
+        nprime: unit directions of n'_i, shape (M, 3, 3).
+        turn: (t_2 x t_3, t_3 x t_1, t_1 x t_2) . N, shape (M, 3).
+    """
 
     nhat_B: Array
-    """N, unit normal of Pi_l, shape (M, 3)."""
     that: Array
-    """t_i = N x n'_i, unit, shape (M, 3, 3)."""
     nprime: Array
-    """Unit directions of n'_i, shape (M, 3, 3)."""
     turn: Array
-    """(t_2 x t_3, t_3 x t_1, t_1 x t_2) . N, shape (M, 3)."""
 
     def take(self, rows: Ints | Bools) -> PlaneDirections:
         """The same for some of the rows."""
@@ -167,18 +170,20 @@ class Opposed:
 
     The text never says what Pi_s is for parallel sets; orthogonal to n_bs, the plane Pi_p contains
     a direction inside all three cones. For pairs A_3 is A_2.
+
+    Attributes:
+        region: A_1, A_2, A_3, shape (M, 3).
+        nhat_bs: unit, along the forces on A_2 and A_3 and against that on A_1, shape (M, 3).
+        u: first unit axis of Pi_s, shape (M, 3).
+        v: second, with u x v = n_bs, shape (M, 3).
+        faces: projections A_1^s, A_2^s, A_3^s in coordinates (u, v) [m], shape (M, 3).
     """
 
     region: Ints
-    """A_1, A_2, A_3, shape (M, 3)."""
     nhat_bs: Array
-    """Unit, along the forces on A_2 and A_3 and against that on A_1, shape (M, 3)."""
     u: Array
-    """First unit axis of Pi_s, shape (M, 3)."""
     v: Array
-    """Second, with u x v = n_bs, shape (M, 3)."""
     faces: Shapes
-    """Projections A_1^s, A_2^s, A_3^s in coordinates (u, v) [m], shape (M, 3)."""
 
     def take(self, rows: Ints | Bools) -> Opposed:
         """The same for some of the rows."""

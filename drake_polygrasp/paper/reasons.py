@@ -60,22 +60,25 @@ EQUAL_QUALITY = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Constructed contacts, one row a set (or a variant of it); NaN where construction failed."""
+    """Constructed contacts, one row a set (or a variant of it); NaN where construction failed.
+
+    Attributes:
+        set_index: position of the set in SetPlan.sets, shape (C,).
+        region: region of each contact, shape (C, 3).
+        is_parallel: whether the set was planned with parallel forces, shape (C,).
+        p_BC: [m], shape (C, 3, 3).
+        nhat_B: N, unit normal of Pi_p, shape (C, 3).
+        p_BP: a point of Pi_p, c_I^p [m], shape (C, 3).
+        q: q_1 to q_5, shape (C, 5).
+    """
 
     set_index: Ints
-    """Position of the set in SetPlan.sets, shape (C,)."""
     region: Ints
-    """Region of each contact, shape (C, 3)."""
     is_parallel: Bools
-    """Whether the set was planned with parallel forces, shape (C,)."""
     p_BC: Array
-    """[m], shape (C, 3, 3)."""
     nhat_B: Array
-    """N, unit normal of Pi_p, shape (C, 3)."""
     p_BP: Array
-    """A point of Pi_p, c_I^p [m], shape (C, 3)."""
     q: Array
-    """q_1 to q_5, shape (C, 5)."""
 
     @property
     def Q(self) -> Array:
@@ -90,14 +93,18 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class SetPlan:
-    """Every set of faces with its reason so far, and the contacts of those that have some."""
+    """Every set of faces with its reason so far, and the contacts of those that have some.
+
+    Attributes:
+        sets: regions of each set, ascending; -1 for a pair's third, shape (M, 3).
+        code: position in REASONS; UNJUDGED for sets with contact points, shape (M,).
+        candidates: sets with a non-empty P, in the order of sets; NaN contacts where Section 7
+            failed.
+    """
 
     sets: Ints
-    """Regions of each set, ascending; -1 for a pair's third, shape (M, 3)."""
     code: npt.NDArray[np.int8]
-    """Position in REASONS; UNJUDGED for sets with contact points, shape (M,)."""
     candidates: Candidates
-    """Sets with a non-empty P, in the order of sets; NaN contacts where Section 7 failed."""
 
 
 def unplanned(sets: Ints) -> SetPlan:

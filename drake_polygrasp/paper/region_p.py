@@ -25,30 +25,34 @@ from drake_polygrasp.vectors import cross, dot, product
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """Planes with their segments and a non-empty P, roles settled: A_2 (and A_3) oppose A_1."""
+    """Planes with their segments and a non-empty P, roles settled: A_2 (and A_3) oppose A_1.
+
+    Attributes:
+        owner: index of each row's set, shape (M,).
+        region: A_1, A_2, A_3, shape (M, 3).
+        nhat_B: N, shape (M, 3).
+        along_B: as in Planes, shape (M, 3).
+        height: N . p on Pi_p [m], shape (M,).
+        segments: a_1, a_2, a_3: arrays with rows of three; shapes (M, 3, 3), (M, 3, 3), (M, 3, S,
+            2).
+        area_s: i^s [m^2], shape (M,).
+        d_1: [m], shape (M,).
+        area_p: i^p [m^2], shape (M,).
+        p_Bc: c_I^p, centroid of P, a point of Pi_p [m], shape (M, 3).
+        d_2: distance from c_I^p to c_m^p [m], shape (M,).
+    """
 
     owner: Ints
-    """Index of each row's set, shape (M,)."""
     region: Ints
-    """A_1, A_2, A_3, shape (M, 3)."""
     nhat_B: Array
-    """N, shape (M, 3)."""
     along_B: Array
-    """As in Planes, shape (M, 3)."""
     height: Array
-    """N . p on Pi_p [m], shape (M,)."""
     segments: Section
-    """a_1, a_2, a_3: arrays with rows of three; shapes (M, 3, 3), (M, 3, 3), (M, 3, S, 2)."""
     area_s: Array
-    """I^s [m^2], shape (M,)."""
     d_1: Array
-    """[m], shape (M,)."""
     area_p: Array
-    """I^p [m^2], shape (M,)."""
     p_Bc: Array
-    """c_I^p, centroid of P, a point of Pi_p [m], shape (M, 3)."""
     d_2: Array
-    """Distance from c_I^p to c_m^p [m], shape (M,)."""
 
     def take(self, rows: Ints | Bools) -> Cut:
         """The same for some of the rows."""

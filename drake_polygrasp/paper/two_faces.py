@@ -35,16 +35,20 @@ OVERLAP, FIRST, SECOND = 0, 1, 2  # R_maxT is A_12, R_1 or R_2
 
 @dataclass(frozen=True, eq=False)
 class Choices:
-    """Directions l_u for pairs of faces, one row each."""
+    """Directions l_u for pairs of faces, one row each.
+
+    Attributes:
+        owner: index of each row's pair, shape (R,).
+        direction: l_u in coordinates (u, v) of Pi_s, shape (R, 2).
+        widest: which region R_maxT is: OVERLAP, FIRST or SECOND, shape (R,).
+        pocket: the part of hull(A_i^s) - A_i^s that holds R_i; A_12 where R_maxT is A_12, shape
+            (R,).
+    """
 
     owner: Ints
-    """Index of each row's pair, shape (R,)."""
     direction: Array
-    """l_u in coordinates (u, v) of Pi_s, shape (R, 2)."""
     widest: Ints
-    """Which region R_maxT is: OVERLAP, FIRST or SECOND, shape (R,)."""
     pocket: Shapes
-    """The part of hull(A_i^s) - A_i^s that holds R_i; A_12 where R_maxT is A_12, shape (R,)."""
 
 
 def choices(sets: Opposed, scale: Scale) -> Choices:

@@ -41,23 +41,28 @@ class ProjectedCandidates:
     """Candidate grasps with their contacts on the true surface, one row each.
 
     Rows are never changed: what becomes of them is the `Judge`'s to say.
+
+    Attributes:
+        request: what to plan for.
+        plan: the sets of regions, and what the paper's stages make of them.
+        candidates: with contacts moved to the true surface; q is NaN where the paper's stages give
+            none.
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        face: faces that contacts are on, shape (M, 3).
+        kind: position in KINDS, shape (M,).
+        outcome: position in REASONS of each candidate; UNJUDGED where it may still hold, shape
+            (M,).
     """
 
     request: PlanRequest
     plan: SetPlan
-    """The sets of regions, and what the paper's stages make of them."""
     candidates: Candidates
-    """With contacts moved to the true surface; q is NaN where the paper's stages give none."""
     nhat_TB_B: Array
-    """Inward unit normals, shape (M, 3, 3)."""
     mu: Array
-    """Friction coefficients, shape (M, 3)."""
     face: Ints
-    """Faces that contacts are on, shape (M, 3)."""
     kind: Ints
-    """Position in KINDS, shape (M,)."""
     outcome: Codes
-    """Position in REASONS of each candidate; UNJUDGED where it may still hold, shape (M,)."""
 
     @property
     def contacts(self) -> tuple[Array, Array, Array]:

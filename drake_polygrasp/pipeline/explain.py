@@ -21,16 +21,21 @@ from drake_polygrasp.search.selection import Steps
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What became of every set of faces."""
+    """What became of every set of faces.
+
+    Attributes:
+        faces: faces of each set, ascending; -1 for a pair's third, shape (M, 3).
+        reasons: one of reasons.REASONS each, never "not_evaluated".
+        counts: how many sets ended with each reason.
+        mu_needed: without a certified grasp: the friction above which some set would pass orientation.
+        excluded_faces: faces whose every set is excluded, ascending.
+    """
 
     faces: Ints
-    """Faces of each set, ascending; -1 for a pair's third, shape (M, 3)."""
     reasons: list[str]
-    """One of reasons.REASONS each, never "not_evaluated"."""
     counts: dict[str, int]
     mu_needed: float | None
     excluded_faces: tuple[int, ...] = ()
-    """Faces whose every set is excluded, ascending."""
 
 
 def explain_sets(

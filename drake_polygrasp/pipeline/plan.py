@@ -29,21 +29,27 @@ none on any set."""
 
 @dataclass(frozen=True, eq=False)
 class GraspPlan:
-    """Certified grasps of an object, best first, and what became of all its sets of faces."""
+    """Certified grasps of an object, best first, and what became of all its sets of faces.
+
+    Attributes:
+        grasps: certified grasps, best first, one for each set of faces.
+        num_sets: sets of three and of two regions.
+        reasons: how many sets ended with each reason; they add up to num_sets.
+        seconds: plan: until enough grasps are proved; certify: ranking, bounds of epsilon and
+            tolerances.
+        settings: what it takes to repeat the plan, for the grasp file.
+        mu_needed: without a certified grasp: the friction above which some set would pass
+            orientation.
+        excluded_faces: faces whose every set is excluded, ascending.
+    """
 
     grasps: tuple[CertifiedGrasp, ...]
     num_sets: int
-    """Sets of three and of two regions."""
     reasons: dict[str, int]
-    """How many sets ended with each reason; they add up to num_sets."""
     seconds: dict[str, float]
-    """plan: until enough grasps are proved; certify: ranking, bounds of epsilon and tolerances."""
     settings: dict[str, Any]
-    """What it takes to repeat the plan, for the grasp file."""
     mu_needed: float | None
-    """Without a certified grasp: the friction above which some set would pass orientation."""
     excluded_faces: tuple[int, ...] = ()
-    """Faces whose every set is excluded, ascending."""
 
     @property
     def num_certified(self) -> int:

@@ -38,22 +38,29 @@ many."""
 
 @dataclass(frozen=True, eq=False)
 class PlanRequest:
-    """What to plan for, checked."""
+    """What to plan for, checked.
+
+    Attributes:
+        object_: what to grasp.
+        method: "paper" or "enriched".
+        every_face: the face of each region that erosion leaves, shape (n,).
+        kept: those that are not excluded, shape (m,).
+        regions: these, one row each.
+        tip_radius: fingertips that must fit [m].
+        exclusion: where no contact may be.
+        obstacles: what fingertips must not penetrate beside the object.
+        settings: what repeats it, for the grasp file.
+    """
 
     object_: GraspObject
     method: Method
     every_face: Ints
-    """The face of each region that erosion leaves, shape (n,)."""
     kept: Ints
-    """Those that are not excluded, shape (m,)."""
     regions: Regions
-    """These, one row each."""
     tip_radius: float
-    """Fingertips that must fit [m]."""
     exclusion: Exclusion
     obstacles: Obstacles | None
     settings: dict[str, Any]
-    """What repeats it, for the grasp file."""
 
     @property
     def num_sets(self) -> int:

@@ -64,13 +64,17 @@ PADS = "on flat pads at the contacts"
 
 @dataclass(frozen=True, eq=False)
 class PlantReport(PlantRecord):
-    """What a plant says of a grasp, with the simulation that it was judged by."""
+    """What a plant says of a grasp, with the simulation that it was judged by.
+
+    Attributes:
+        equilibria: of the weight along +x, +y, +z, -x, -y, -z of B.
+        trace: the simulation, sample by sample; None where there was none.
+        loads: what the trace's loads are.
+    """
 
     equilibria: tuple[statics.Equilibrium, ...] = ()
-    """Of the weight along +x, +y, +z, -x, -y, -z of B."""
     trace: simulation.SimulationRecord | None = None
     loads: tuple[str, ...] = ()
-    """What the trace's loads are."""
 
 
 def certify_in_plant(
@@ -221,13 +225,17 @@ class LoadsUnavailable:
 
 @dataclass(frozen=True, eq=False)
 class LoadPlan:
-    """A squeeze, the loads that it should bear, and the forces that bear them."""
+    """A squeeze, the loads that it should bear, and the forces that bear them.
+
+    Attributes:
+        squeeze_f_B: forces on B without a load [N], shape (3, 3).
+        holding: contact forces that hold the object under each load.
+        labels: what each load is.
+    """
 
     squeeze_f_B: Array
-    """Forces on B without a load [N], shape (3, 3)."""
     holding: Holding
     labels: tuple[str, ...]
-    """What each load is."""
 
     @property
     def weight(self) -> Holding:

@@ -12,12 +12,16 @@ from drake_polygrasp.plant.surface_distance import SurfaceDistance
 
 
 class Clearance(NamedTuple):
-    """How clear fingertips are of what stands around the object."""
+    """How clear fingertips are of what stands around the object.
+
+    Attributes:
+        margin: what the deepest penetration leaves of its tolerance [m]; infinite if nothing is
+            near.
+        faults: which fingertip penetrates what, and by how much; the deepest first.
+    """
 
     margin: float
-    """What the deepest penetration leaves of its tolerance [m]; infinite if nothing is near."""
     faults: tuple[str, ...]
-    """Which fingertip penetrates what, and by how much; the deepest first."""
 
 
 def check_clearance(scene: ScratchScene, surroundings: Surroundings) -> Clearance:

@@ -30,14 +30,17 @@ ROUNDING = 1e-9
 
 
 class Fit(NamedTuple):
-    """How well a grasp fits the object."""
+    """How well a grasp fits the object.
+
+    Attributes:
+        margin: what the worst distance leaves of its tolerance [m].
+        faults: what is wrong, of distances the worst first; nothing where the grasp fits.
+        refusal: why Drake did not measure a distance, which was then measured on triangles.
+    """
 
     margin: float
-    """What the worst distance leaves of its tolerance [m]."""
     faults: tuple[str, ...]
-    """What is wrong, of distances the worst first; nothing where the grasp fits."""
     refusal: str = ""
-    """Why Drake did not measure a distance, which was then measured on triangles."""
 
 
 def check_geometry(scene: ScratchScene) -> Fit:

@@ -27,16 +27,21 @@ _DISSIPATION = 1.0
 
 @dataclass(frozen=True, eq=False)
 class ScratchScene:
-    """What scratch plants are made of."""
+    """What scratch plants are made of.
+
+    Attributes:
+        object_: what is grasped.
+        solid: its collision geometry and inertia.
+        grasp: its friction is that of the pairs.
+        tip_radius: [m]
+        pad_width: [m], of the largest squares about all contacts that keep within their faces.
+    """
 
     object_: GraspObject
     solid: Solid
     grasp: Grasp
-    """Its friction is that of the pairs."""
     tip_radius: float
-    """[m]"""
     pad_width: float
-    """[m], of the largest squares about all contacts that keep within their faces."""
 
     @property
     def p_BT(self) -> Array:

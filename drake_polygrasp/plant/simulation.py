@@ -6,8 +6,7 @@ redistributes forces as force closure promises it can. Sideways the joint is rig
 to bear what the normal forces leave. Gravity acts as the object's weight at its centre of mass,
 turned instead of the hand, and each load starts again from the settled squeeze.
 
-Stiffness and speeds scale with the squeeze and with the object's diameter L, so that a screw and
-a crate are judged alike.
+Stiffness and speeds scale with the squeeze and with the object's diameter L.
 """
 
 from __future__ import annotations
@@ -67,8 +66,8 @@ RAMP_TIME = 0.05
 HOLD_TIME = 0.1
 """[s] under the whole load; creep is measured in its second half."""
 TIP_TRAVEL = 0.03
-"""Times L, ours: how far the squeeze would push a tip against its spring. So soft that an object
-which creeps within the bounds changes no force by more than a few percent."""
+"""Times L, ours: how far the squeeze would push a tip against its spring. That is so soft that an
+object which creeps within the bounds changes no force by more than a few percent."""
 CONTACT_STIFFNESS = 1000.0
 """Times the spring's, ours: contact takes a thousandth of the spring's travel from its force."""
 STICTION_SPEED = 1e-4
@@ -88,29 +87,37 @@ _TIP_COLOUR = np.array([0.9, 0.4, 0.1, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class SimulationRecord:
-    """What happened, N samples: first the settling, then every load in turn."""
+    """What happened, N samples: first the settling, then every load in turn.
+
+    Attributes:
+        time: [s], shape (N,).
+        load: index of the load, -1 while settling, shape (N,).
+        slip_W: how far each contact has moved sideways on its tip since the load began [m], (N, 3,
+            3).
+        normal_force: of tips on the object [N], shape (N, 3).
+        planned_force: the normal force that each tip was commanded [N], shape (N, 3).
+    """
 
     time: Array
-    """[s], shape (N,)."""
     load: Ints
-    """Index of the load, -1 while settling, shape (N,)."""
     slip_W: Array
-    """How far each contact has moved sideways on its tip since the load began [m], (N, 3, 3)."""
     normal_force: Array
-    """Of tips on the object [N], shape (N, 3)."""
     planned_force: Array
-    """The normal force that each tip was commanded [N], shape (N, 3)."""
 
 
 @dataclass(frozen=True)
 class SimulationOutcome:
-    """What the worst load leaves of each bound, as a share of it; negative where exceeded."""
+    """What the worst load leaves of each bound, as a share of it; negative where exceeded.
+
+    Attributes:
+        slip, creep, force: what is left of `MAX_SLIP`, `MAX_CREEP` and `FORCE_TOLERANCE`.
+        lost: the first load (-1: the squeeze alone) under which a tip lost the object.
+    """
 
     slip: float
     creep: float
     force: float
     lost: int | None
-    """The first load (-1: the squeeze alone) under which a tip lost the object."""
 
     @property
     def margin(self) -> float:

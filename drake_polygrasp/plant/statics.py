@@ -36,12 +36,16 @@ torques, rho."""
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium(HeldWeight):
-    """How the plant holds the weight along one axis, and how far Drake's own forces do."""
+    """How the plant holds the weight along one axis, and how far Drake's own forces do.
+
+    Attributes:
+        drake_residual: what Drake's forces leave unbalanced; infinite if it failed.
+        drake_spare_friction: as `Holding.spare_friction`, of Drake's forces [N]; infinitely
+            negative if it failed.
+    """
 
     drake_residual: float
-    """What Drake's forces leave unbalanced; infinite if it failed."""
     drake_spare_friction: float
-    """As `Holding.spare_friction`, of Drake's forces [N]; infinitely negative if it failed."""
 
     @property
     def fault(self) -> str:

@@ -25,12 +25,15 @@ from drake_polygrasp.plant.drake_calls import drake_reason
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """The point of a surface that is nearest to another point."""
+    """The point of a surface that is nearest to another point.
+
+    Attributes:
+        distance: between the two [m], negative inside the body.
+        p_BN: the surface's point [m], shape (3,).
+    """
 
     distance: float
-    """Between the two [m], negative inside the body."""
     p_BN: Array
-    """The surface's point [m], shape (3,)."""
 
 
 class SurfaceDistance:

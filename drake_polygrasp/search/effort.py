@@ -18,21 +18,24 @@ still more of them takes as long as the paper's stages do."""
 
 @dataclass(frozen=True)
 class Effort:
-    """Sizes of search and improvement, ours."""
+    """Sizes of search and improvement, ours.
+
+    Attributes:
+        points: sample points on objects of few regions.
+        most_points: on objects of many; of more regions the largest have one.
+        strides: each pass searches every so many of the points: those before the last cost little,
+            and tell it the directions that their winners resist least.
+        sources: grasps whose weakest directions are taken in each pass.
+        kept: triples kept in each pass at least; of many points, as many.
+        rounds: of improvement: how many grasps, the best so far, move in each.
+    """
 
     points: int
-    """Sample points on objects of few regions."""
     most_points: int
-    """On objects of many; of more regions the largest have one."""
     strides: tuple[int, ...]
-    """Each pass searches every so many of the points: those before the last cost little, and tell
-    it the directions that their winners resist least."""
     sources: int
-    """Grasps whose weakest directions are taken in each pass."""
     kept: int
-    """Triples kept in each pass at least; of many points, as many."""
     rounds: tuple[int, ...]
-    """Of improvement: how many grasps, the best so far, move in each."""
 
     @property
     def starts(self) -> int:

@@ -18,14 +18,17 @@ from drake_polygrasp.vectors import cross, product, transformed
 
 @dataclass(frozen=True, eq=False)
 class FaceTwists:
-    """Directions w read as twists (v, rho omega), each expressed in the frame of a face F."""
+    """Directions w read as twists (v, rho omega), each expressed in the frame of a face F.
+
+    Attributes:
+        v_F: velocity of the body at Fo, shape (..., 3, K).
+        w_F: angular velocity [1/m], shape (..., 3, K).
+        mu: of each face, shape (...).
+    """
 
     v_F: Array
-    """Velocity of the body at Fo, shape (..., 3, K)."""
     w_F: Array
-    """Angular velocity [1/m], shape (..., 3, K)."""
     mu: Array
-    """Of each face, shape (...)."""
 
     def support(self, p_FC: Array) -> Array:
         """h_i(w) of contacts at points of the faces [m]: (..., C, 2) to (..., C, K)."""

@@ -31,14 +31,17 @@ EQUAL = 1e-5
 
 @dataclass(frozen=True)
 class Steps:
-    """Which steps beyond the paper `method="enriched"` takes."""
+    """Which steps beyond the paper `method="enriched"` takes.
+
+    Attributes:
+        spread: `SPREADS`: wider triangles for parallel sets and pairs.
+        search: triples.py: triples of sample points, of any faces.
+        improve: local_improvement.py: contacts move while epsilon rises.
+    """
 
     spread: bool = True
-    """`SPREADS`: wider triangles for parallel sets and pairs."""
     search: bool = True
-    """triples.py: triples of sample points, of any faces."""
     improve: bool = True
-    """local_improvement.py: contacts move while epsilon rises."""
 
 
 def improved_triples(

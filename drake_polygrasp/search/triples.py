@@ -40,12 +40,15 @@ MOST_PASSES = 5
 
 @dataclass(frozen=True, eq=False)
 class Triples:
-    """Three contacts a row."""
+    """Three contacts a row.
+
+    Attributes:
+        region: shape (M, 3).
+        p_BC: [m], shape (M, 3, 3).
+    """
 
     region: Ints
-    """Shape (M, 3)."""
     p_BC: Array
-    """[m], shape (M, 3, 3)."""
 
     def take(self, rows: Ints | Bools | slice) -> Triples:
         """The same for some of the rows."""

@@ -32,15 +32,21 @@ class CheckResult:
 
 @dataclass(frozen=True)
 class GraspReport:
-    """The three lines of one grasp, and what a plant says of it."""
+    """The three lines of one grasp, and what a plant says of it.
+
+    Attributes:
+        forces: verdict of the exact certificate.
+        surface: verdict on whether contacts are on the exposed surface.
+        numbers: verdict on the stated numbers.
+        plant: none where it was not asked for, or the lines leave nothing to ask.
+        stated_plant: what the file states of a plant: not proved again unless it was asked for.
+    """
 
     forces: CheckResult
     surface: CheckResult
     numbers: CheckResult
     plant: PlantReport | None = None
-    """None where it was not asked for, or the lines leave nothing to ask."""
     stated_plant: PlantRecord | None = None
-    """What the file states of a plant: not proved again unless it was asked for."""
 
     @property
     def lines(self) -> dict[str, CheckResult]:
@@ -50,12 +56,18 @@ class GraspReport:
 
 @dataclass(frozen=True)
 class VerificationReport:
-    """What verification found, grasps in the file's order."""
+    """What verification found, grasps in the file's order.
+
+    Attributes:
+        path: the grasp file.
+        grasps: one report each, in the order of the file.
+        model_checked: whether the model was there to check SURFACE against.
+        warnings: what loading the model says, and what the file does not state.
+    """
 
     path: Path
     grasps: tuple[GraspReport, ...]
     model_checked: bool
-    """Whether the model was there to check SURFACE against."""
     warnings: tuple[str, ...] = ()
 
     @property

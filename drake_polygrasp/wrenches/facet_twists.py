@@ -36,20 +36,22 @@ class FacetTwists:
     a w has g_i = n_i, and g_j and g_k with h = 1. Rigidity leaves a turn t about r_ij, by which
     g_k is brought to h_k = 1, and the angle of the point on rim j, of which T are tried, with
     g_j = n_j + s (cos t_1 + sin t_2 - mu_j n_j). (i, j, k) are all permutations.
+
+    Attributes:
+        linear: what multiplies s cos, s sin, s, 1 and t, shape (9, 5, 6, M). Rows are x, y, z of
+            g_k in k's own frame, then the twist: velocity of the centre of mass and rho times
+            angular velocity.
+        points: cos, sin and 1 of the angles, shape (T, 3).
+        s: where rigidity puts g_j, shape (T, 6, M).
+        h_j: what h is at contact j, where it is 1 at contact i, shape (T, 6, M).
+        mu_k: shape (6, M).
     """
 
     linear: Array
-    """What multiplies s cos, s sin, s, 1 and t, shape (9, 5, 6, M). Rows are x, y, z of g_k in
-    k's own frame, then the twist: velocity of the centre of mass and rho times angular
-    velocity."""
     points: Array
-    """cos, sin and 1 of the angles, shape (T, 3)."""
     s: Array
-    """Where rigidity puts g_j, shape (T, 6, M)."""
     h_j: Array
-    """What h is at contact j, where it is 1 at contact i, shape (T, 6, M)."""
     mu_k: Array
-    """Shape (6, M)."""
 
 
 def facet_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> FacetTwists:
