@@ -19,6 +19,10 @@
 | regions.py | the eroded regions of faces that contacts may use: the paper's A_i |
 | face_sets.py | sets of two or three regions: all of them, their keys and their rows |
 | surface_contact.py | contacts brought to the true surface, and room for a fingertip there |
+| surface_pieces.py | convex pieces of the true surface, and polygons around discs |
+| curved_pieces.py | pieces of curved solids around a contact |
+| visible_facets.py | facets that a fingertip may touch first |
+| placement_regions.py | where a fingertip lands that misses its contact |
 | exclusion.py | faces and directions that contacts avoid |
 | obstacles.py | what stands around a body and leaves fingertips no room |
 | body_identity.py | what tells one body from another |

@@ -14,10 +14,12 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.geometry.triangles import unit_normals
-from drake_polygrasp.vectors import circle, times
+from drake_polygrasp.vectors import circle, dot, times
 
 _SIDES = 18
 """Ours: facets of 20 degrees lean from the surface by 10, less than most friction angles."""
+_ROUNDING = 1e-9
+"""Relative, our choice: above rounding errors of coordinates."""
 _ROUNDS = 200
 """Ours: steps of iterations that converge to rounding errors in far fewer."""
 
@@ -77,6 +79,53 @@ class Primitive:
         outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0))
 
+    def depths(self, p_B: Array, direction_B: Array) -> Array:
+        """Computes how far points can move along a direction until they enter the solid.
+
+        Args:
+            p_B: points outside the solid or on it [m], shape (M, 3).
+            direction_B: a unit vector, shape (3,).
+
+        Returns:
+            Distances [m], shape (M,); NaN where the solid is missed, or entered through an end of
+            a cylinder.
+        """
+        p_G, along = times(p_B - self.p_BG, self.R_BG), times(direction_B, self.R_BG)
+        if self.kind == "ellipsoid":
+            return _entry(p_G / self.radii, along / self.radii, 1.0)
+        radius, half = self.radii[0], self.radii[2]
+        flat = np.array([1.0, 1.0, 0.0])
+        depth = _entry(p_G * flat, along * flat, radius)
+        z = p_G[:, 2] + depth * along[2]
+        depth = np.where(np.abs(z) <= half * (1 + _ROUNDING), depth, np.nan)
+        if self.kind == "capsule":
+            for end in (-half, half):
+                at_end = _entry(p_G - end * np.array([0.0, 0.0, 1.0]), along, radius)
+                depth = np.fmin(depth, at_end)
+        return depth
+
+    def normals_around(self, p_B: Array) -> Array:
+        """Returns vectors whose convex cone holds all normals of the curve in a polytope.
+
+        Args:
+            p_B: the polytope's corners, near the curve [m], shape (M, 3).
+
+        Returns:
+            Outward vectors of any length, shape (M, 3) or, where a capsule's end begins between
+            the corners, (2 M, 3).
+        """
+        p_G = times(p_B - self.p_BG, self.R_BG)
+        if self.kind == "ellipsoid":
+            return times(p_G / self.radii**2, self.R_BG.T)
+        normal = p_G - self._axis_point(p_G)
+        part = np.digitize(p_G[:, 2], np.array([-1.0, 1.0]) * self.radii[2])
+        if self.kind == "capsule" and (part != part[0]).any():
+            # z less its part on the axis is no linear function, but within its range.
+            low, high = normal.copy(), normal.copy()
+            low[:, 2], high[:, 2] = normal[:, 2].min(), normal[:, 2].max()
+            normal = np.concatenate([low, high])
+        return times(normal, self.R_BG.T)
+
     def on_curve(self, p_B: Array, tolerance: float) -> Bools:
         """Whether points p_B (M, 3) [m] are within `tolerance` [m] of the curved surface, (M,)."""
         near = np.linalg.norm(self.project(p_B)[0] - p_B, axis=1) <= tolerance
@@ -102,6 +151,11 @@ class Primitive:
             arm = self._support(direction) - p_G
             direction = arm / np.linalg.norm(arm, axis=1, keepdims=True)
         return float(np.linalg.norm(arm, axis=1).max())
+
+    def height(self, direction_B: Array) -> float:
+        """How far the solid reaches along a unit vector (3,), from Bo [m]."""
+        top = self._support(times(direction_B, self.R_BG)[None])[0]
+        return float(times(self.p_BG, direction_B) + times(top, times(direction_B, self.R_BG)))
 
     def _support(self, direction: Array) -> Array:
         """Points of the solid farthest along unit vectors, both in G, (M, 3)."""
@@ -135,6 +189,20 @@ class Primitive:
         gap = p_G - square * p_G / (square + high[:, None])
         inside = (level - 1) * self.radii.min()
         return np.asarray(np.where(level > 1, np.linalg.norm(gap, axis=1), inside))
+
+
+def _entry(points: Array, along: Array, radius: float) -> Array:
+    """Where rays from points (M, 3) enter a sphere about the origin, NaN where they miss it.
+
+    In units of `along`, which has any length.
+    """
+    a, b, c = dot(along, along), times(points, along), dot(points, points) - radius**2
+    if a <= 0:
+        return np.full(len(points), np.nan)
+    square = b**2 - a * c
+    root = np.sqrt(np.where(square >= 0, square, np.nan))
+    # Of the two forms of the root, the one without cancellation on the surface.
+    return np.asarray(c / np.where(b < 0, root - b, np.nan))
 
 
 def tessellation(primitive: Primitive) -> Array:

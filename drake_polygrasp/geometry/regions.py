@@ -20,6 +20,10 @@ DEFAULT_CLEARANCE = 0.01
 """Times the diameter L, ours: how far contacts stay away from edges."""
 CLEARANCE_OF_INRADIUS = 0.2
 """Times a face's inradius, ours: on small faces contacts stay away from edges only this far."""
+PLACEMENT_ERROR = 0.02
+"""Times the diameter L, our choice: by how much robots miss."""
+ERROR_OF_INRADIUS = 0.5
+"""Times a face's inradius, our choice: contacts on small faces may miss by no more than this."""
 MIN_INRADIUS = 0.002
 """Times the diameter L, ours: narrower faces are no place for a finger."""
 
@@ -107,6 +111,17 @@ def erode(
     )
     solid = shapely.area(parts) > (LENGTH_TOLERANCE * L) ** 2
     return _regions(polyhedron, parts[solid], kept[owner[solid]])
+
+
+def default_placement_errors(polyhedron: Polyhedron) -> Array:
+    """Returns by how much a contact on each face may miss by default [m], shape (F,).
+
+    The lesser of `PLACEMENT_ERROR` L and `ERROR_OF_INRADIUS` times the face's inradius, so that
+    thin faces keep room for contacts that may miss.
+    """
+    most = PLACEMENT_ERROR * polyhedron.diameter
+    radius = _radii(polyhedron, polyhedron.polygon_F, most / ERROR_OF_INRADIUS)
+    return np.minimum(most, ERROR_OF_INRADIUS * radius)
 
 
 def shrunk(polygons: npt.NDArray[np.object_], by: float | Array) -> npt.NDArray[np.object_]:
