@@ -1,0 +1,343 @@
+"""Finds one internal force that proves force closure for all placements in three regions.
+
+`exact.check_region` says what is proved, and decides. A friction cone is an intersection of
+half-spaces, and how far f_i is inside all of them is a concave function of x. Its maximum over the
+plane of x with normal forces of sum 1 is found by linear programs in two variables that take up the
+half-spaces that are violated most.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.certification.convex import find_internal_forces
+from drake_polygrasp.certification.exact import MAX_TILT, check_region, narrowed_friction
+from drake_polygrasp.digits import EXACT, at_most, on_grid, significant
+from drake_polygrasp.vectors import circle, cross, dot, times, unit
+from drake_polygrasp.wrenches.contacts import contact_frames
+
+_NUM_CORNERS = 24
+"""Our choice: polygons reach beyond their discs by 1 percent at the corners."""
+_NUM_TANGENTS, _FEWEST_TANGENTS = 768, 32
+"""Our choice: half-spaces of the cone about a contact, shared by its pieces."""
+_SHRINK = (0.9995, 0.998, 0.995, 0.99, 0.98, 0.95)
+"""Our choice: parts of the radius that are tried in turn."""
+_RESOLVED_DIGITS = 6
+"""Our choice, of x: more of them would gain less radius than is shrunk."""
+_KEPT, _MAX_STEPS = 12, 60
+"""Our choice: half-spaces that a linear program remembers, and programs at most."""
+_STEPS_BACK = (0.0, 1e-4, 1e-3, 1e-2)
+"""Our choice: parts of the way back to the x of the largest margin."""
+_TOLERANCE = 1e-5
+"""Our choice, relative: what the maximum may be missed by."""
+_BOUND = 10.0
+"""Our choice: how far x is looked for, over its own length at the largest margin."""
+_TRIPLES: Ints = np.array(list(itertools.combinations(range(_KEPT + 3 + 4), 3)))
+_I = range(3)
+_ONE = np.ones(1)
+_LEAST_WEIGHT = 1e-300
+_FACTORS = np.array(
+    [
+        [[-1.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        [[1.0, 0.0, 0.0], [-1.0, 0.0, -1.0], [0.0, 0.0, 1.0]],
+        [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, -1.0]],
+    ]
+)
+"""f_i is the sum over k of (_FACTORS[i, k] . x) p_BC[k]."""
+
+
+class RegionPiece(Protocol):
+    """A part of the surface around a contact, as `check_region` takes it."""
+
+    @property
+    def p_BV(self) -> Array:
+        """Corners of a convex polygon or polytope that contains it [m], shape (n, 3)."""
+
+    @property
+    def nhat_TB_B(self) -> Array:
+        """Inward unit normal, shape (3,)."""
+
+    @property
+    def tan_spread(self) -> float:
+        """Bounds the tangent of the angle between that normal and the true one anywhere in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class DiscPolygon:
+    """A polygon around a disc of a planar face.
+
+    Attributes:
+        p_BV: corners, counter-clockwise about the normal [m], shape (n, 3).
+        nhat_TB_B: inward unit normal, shape (3,).
+        tan_spread: 0, for the face is planar.
+    """
+
+    p_BV: Array
+    nhat_TB_B: Array
+    tan_spread: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class RegionCertificate:
+    """Proof that a grasp is force closure wherever its contacts are in three regions.
+
+    Attributes:
+        internal_force: x_12, x_13, x_23 [1/m], shape (3,), one for all placements.
+        regions: the pieces on one of which each contact is.
+        placement_error: what each region was made for [m], shape (3,).
+        tilt_error: angle by which normals may differ from the surface's at once [rad].
+        friction_error: share by which friction coefficients may be less at once.
+    """
+
+    internal_force: Array
+    regions: tuple[tuple[RegionPiece, ...], ...]
+    placement_error: Array
+    tilt_error: float
+    friction_error: float
+
+
+def certify_regions(
+    p_BC: Array,
+    nhat_TB_B: Array,
+    mu: Array,
+    regions: Sequence[Sequence[RegionPiece]],
+    *,
+    placement_error: Array,
+    tilt_error: float = 0.0,
+    friction_error: float = 0.0,
+) -> RegionCertificate | None:
+    """Proves a grasp for every placement of its contacts in given regions.
+
+    Args:
+        p_BC: contact points [m], shape (3, 3).
+        nhat_TB_B: inward unit normals, shape (3, 3).
+        mu: friction coefficients, shape (3,).
+        regions: the pieces of each contact's region, of the numbers that a file will state.
+        placement_error: what the regions were made for [m], shape (3,).
+        tilt_error: angle by which normals may differ from the surface's [rad].
+        friction_error: share by which friction coefficients may be less.
+
+    Returns:
+        The certificate, exactly checked; None where no x is found that passes.
+    """
+    errors = tilt_error, friction_error
+    search = _search(p_BC, nhat_TB_B, mu, regions, *errors)
+    found = None if search is None else search.maximum(as_scale=False)
+    if found is None or not _is_proved(regions, mu, found[0], *errors):
+        return None
+    kept = tuple(tuple(region) for region in regions)
+    return RegionCertificate(found[0], kept, frozen(placement_error), *errors)
+
+
+def largest_certified_radius(
+    p_BC: Array,
+    nhat_TB_B: Array,
+    mu: Array,
+    radii: Array,
+    *,
+    size: float,
+    tilt_error: float = 0.0,
+    friction_error: float = 0.0,
+) -> RegionCertificate | None:
+    """Proves the largest discs about contacts on planar faces, of radii in given proportions.
+
+    Args:
+        p_BC: contact points [m], shape (3, 3).
+        nhat_TB_B: inward unit normals, shape (3, 3).
+        mu: friction coefficients, shape (3,).
+        radii: the greatest radii that are of use [m], positive, shape (3,).
+        size: diameter of the object [m]; corners keep twelve digits of it.
+        tilt_error: angle by which normals may differ from the surface's [rad].
+        friction_error: share by which friction coefficients may be less.
+
+    Returns:
+        The certificate, exactly checked, with the radii reached as its placement error; None where
+        no x is found that passes.
+    """
+    errors = tilt_error, friction_error
+    search = _search(p_BC, nhat_TB_B, mu, _discs(p_BC, nhat_TB_B, radii, size), *errors)
+    found = None if search is None else search.maximum(as_scale=True)
+    if found is None:
+        return None
+    x, scale = found
+    for part in _SHRINK:
+        reached = np.array([at_most(min(part * scale, 1.0) * r) for r in radii.tolist()])
+        discs = _discs(p_BC, nhat_TB_B, reached, size)
+        if _is_proved(discs, mu, x, *errors):
+            return RegionCertificate(x, discs, frozen(reached), *errors)
+    return None
+
+
+def _discs(
+    p_BC: Array, nhat_TB_B: Array, radii: Array, size: float
+) -> tuple[tuple[RegionPiece, ...], ...]:
+    frames = contact_frames(p_BC[None], nhat_TB_B[None])[0]
+    ring = circle(2 * np.pi * np.arange(_NUM_CORNERS) / _NUM_CORNERS) / np.cos(np.pi / _NUM_CORNERS)
+    # Wider by more than the rounding of corners.
+    widths = radii * (1 + 1e-9) + size * 1e-11
+    return tuple(
+        (DiscPolygon(frozen(on_grid(p + w * times(ring, frame[1:]), size, EXACT)), frozen(n)),)
+        for p, n, w, frame in zip(p_BC, nhat_TB_B, widths, frames, strict=True)
+    )
+
+
+def _is_proved(
+    regions: Sequence[Sequence[RegionPiece]], mu: Array, x: Array, tilt: float, friction: float
+) -> bool:
+    pieces = [[(s.p_BV.tolist(), s.nhat_TB_B.tolist(), s.tan_spread) for s in r] for r in regions]
+    return check_region(pieces, mu.tolist(), x.tolist(), tilt, friction).ok
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Half-spaces u.f_i > 0 of all pieces of all contacts, as functions of x.
+
+    Attributes:
+        nominal: u.f_i(c) at the contacts is nominal . x, shape (R, 3).
+        lowest: least u.(p - c_k) over corners p of region k, shape (R, 3).
+        highest: the greatest, likewise.
+        factors: of those in f_i, linear in x, shape (R, 3, 3).
+        contact: i of each, shape (R,).
+        push: normal forces at the contacts have the sum push . x, shape (3,).
+        start: x of the largest margin, shape (3,).
+    """
+
+    nominal: Array
+    lowest: Array
+    highest: Array
+    factors: Array
+    contact: Ints
+    push: Array
+    start: Array
+
+    def loss(self, x: Array) -> Array:
+        """What u.f_i may lose in the regions is loss . x near x, shape (R, 3)."""
+        at_worst = np.where(times(self.factors, x) > 0, self.lowest, self.highest)
+        loss: Array = -np.einsum("rk,rkx->rx", at_worst, self.factors)
+        return loss
+
+    def maximum(self, *, as_scale: bool) -> tuple[Array, float] | None:
+        """Finds the x that bears the regions enlarged most, or is most inside its cones in them.
+
+        Returns:
+            x as it is printed, with normal forces of sum 1, and the scale that it bears or its
+            room; None where there is none.
+        """
+        x = best = self.start
+        most = -np.inf
+        rows: Ints = np.concatenate([self._of(i)[:: max(1, len(self._of(i)) // 4)][:4] for i in _I])
+        losses = self.loss(x)[rows]
+        for _ in range(_MAX_STEPS):
+            loss = self.loss(x)
+            value = self._value(x, as_scale)
+            if float(value.min()) > most:
+                best, most = x, float(value.min())
+            new = np.array([self._of(i)[value[self._of(i)].argmin()] for i in _I])
+            rows, losses = np.concatenate([rows, new]), np.concatenate([losses, loss[new]])
+            scale = most if as_scale else 1.0
+            weights = np.maximum(times(losses, best), _LEAST_WEIGHT) if as_scale else _ONE
+            planes = self.nominal[rows] - scale * losses
+            x, room = self._most_room(planes, np.broadcast_to(weights, len(rows)))
+            missing = float(room.min()) if as_scale else float(room.min()) - most
+            if missing <= _TOLERANCE * (most if as_scale else 1.0):
+                break
+            kept = np.argsort(room, kind="stable")[:_KEPT]
+            rows, losses = rows[kept], losses[kept]
+        # The best may leave one contact without any force, which then is in no cone.
+        tried = [self._printed(best + part * (self.start - best)) for part in _STEPS_BACK]
+        reached = [float(self._value(x, as_scale).min()) for x in tried]
+        k = int(np.argmax(reached))
+        return (tried[k], reached[k]) if reached[k] > 0 else None
+
+    def _printed(self, x: Array) -> Array:
+        rounded = np.round(x / np.abs(x).max(), _RESOLVED_DIGITS)
+        return frozen(significant(rounded / float(dot(self.push, rounded))))
+
+    def _of(self, i: int) -> Ints:
+        rows: Ints = np.flatnonzero(self.contact == i)
+        return rows
+
+    def _value(self, x: Array, as_scale: bool) -> Array:
+        gain, cost = times(self.nominal, x), times(self.loss(x), x)
+        value: Array = gain / np.maximum(cost, _LEAST_WEIGHT) if as_scale else gain - cost
+        return value
+
+    def _most_room(self, planes: Array, weights: Array) -> tuple[Array, Array]:
+        """The x of the largest min of planes . x / weights, and these quotients, for _KEPT + 3."""
+        across = _across(self.push)
+        span = _BOUND * float(np.sqrt(dot(self.start, self.start)))
+        offset = np.concatenate([times(planes, self.start), np.full(4, span)])
+        slope = np.zeros((len(offset), 3))
+        slope[:-4, :2], slope[:-4, 2] = times(planes, across.T), -weights
+        slope[-4:, :2] = [[1, 0], [-1, 0], [0, 1], [0, -1]]
+        r, a = slope[_TRIPLES], offset[_TRIPLES]
+        normals = np.stack([cross(r[:, j - 2], r[:, j - 1]) for j in range(3)], axis=1)
+        with np.errstate(all="ignore"):
+            y = -(a[..., None] * normals).sum(axis=1) / dot(r[:, 0], normals[:, 0])[:, None]
+        is_met = np.isfinite(y).all(axis=1) & (np.abs(y[:, :2]) <= span * (1 + 1e-9)).all(axis=1)
+        x = self.start + times(np.where(is_met[:, None], y[:, :2], 0.0), across)
+        room = times(x, planes.T) / weights
+        k = int(room.min(axis=1).argmax())
+        return x[k], room[k]
+
+
+def _across(push: Array) -> Array:
+    """Two unit vectors across a vector and each other, as rows."""
+    first = unit(cross(push, np.eye(3)[np.abs(push).argmin()]))
+    return np.stack([first, unit(cross(push, first))])
+
+
+def _search(
+    p_BC: Array,
+    nhat_TB_B: Array,
+    mu: Array,
+    regions: Sequence[Sequence[RegionPiece]],
+    tilt_error: float,
+    friction_error: float,
+) -> _Search | None:
+    """None where the errors leave no friction, or no x for the contacts themselves."""
+    if not (0 <= tilt_error <= MAX_TILT and 0 <= friction_error < 1):
+        return None
+    left = [
+        [float(narrowed_friction(m, tilt_error, friction_error, s.tan_spread)) for s in region]
+        for m, region in zip(mu.tolist(), regions, strict=True)
+    ]
+    if min(itertools.chain(*left)) <= 0:
+        return None
+    widest = np.array([max(friction) for friction in left])
+    start = find_internal_forces(p_BC[None], nhat_TB_B[None], widest[None])[0]
+    if not np.isfinite(start).all():
+        return None
+    deviations = [
+        np.concatenate([s.p_BV for s in r]) - p for r, p in zip(regions, p_BC, strict=True)
+    ]
+    centred = p_BC - p_BC.mean(axis=0)
+    num_tangents = max(_NUM_TANGENTS // max(map(len, regions)), _FEWEST_TANGENTS)
+    turns = circle(2 * np.pi * np.arange(num_tangents) / num_tangents)
+    nominal, lowest, highest, contact = [], [], [], []
+    for i, region in enumerate(regions):
+        for piece, friction in zip(region, left[i], strict=True):
+            n = piece.nhat_TB_B
+            u = friction * n + times(turns, _across(n))
+            extents = [times(u, (piece.p_BV - p_BC[i] if k == i else deviations[k]).T) for k in _I]
+            nominal.append(times(times(u, centred.T), _FACTORS[i]))
+            lowest.append(np.stack([e.min(axis=1) for e in extents], axis=1))
+            highest.append(np.stack([e.max(axis=1) for e in extents], axis=1))
+            contact += [i] * len(u)
+    owners = np.array(contact)
+    push = sum((times(times(n, centred.T), f) for n, f in zip(nhat_TB_B, _FACTORS, strict=True)))
+    return _Search(
+        nominal=np.concatenate(nominal),
+        lowest=np.concatenate(lowest),
+        highest=np.concatenate(highest),
+        factors=_FACTORS[owners],
+        contact=owners,
+        push=np.asarray(push),
+        start=start,
+    )
