@@ -15,6 +15,7 @@ of a Polyhedron". Points, normals and forces are expressed in the object's body 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -113,15 +114,33 @@ _HOMES = {
     "verification.report": ("VerificationReport",),
     "verification.verify": ("verify_file",),
 }
-_HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 
-def __getattr__(name: str) -> Any:
-    # Loaded when asked for: who only verifies never loads the planner.
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+def lazy_names(
+    package: str, homes: Mapping[str, tuple[str, ...]]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """Makes the functions by which a package loads each name that it offers when it is asked for.
+
+    Who only verifies never loads the planner, and who draws nothing no matplotlib.
+
+    Args:
+        package: its name, `__name__`.
+        homes: modules of the package, and the names that are defined in each.
+
+    Returns:
+        Its `__getattr__` and its `__dir__`.
+    """
+    home = {name: module for module, names in homes.items() for name in names}
+
+    def load(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(import_module(f"{package}.{home[name]}"), name)
+
+    def names() -> list[str]:
+        return sorted({*vars(import_module(package)), *home})
+
+    return load, names
 
 
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+__getattr__, __dir__ = lazy_names(__name__, _HOMES)

@@ -61,8 +61,7 @@ PURE = ("geometry", "wrenches", "paper", "search")
 MOST_LINES = 350
 LONG_FILES = {"certification/exact.py": "runs alone, and is read whole by who trusts nothing else"}
 INSIDE_ROOMS = {
-    *("certification.certify", "certification.exact", "certification.holding_forces"),
-    *("certification.robustness", "loading.packages", "loading.parsed_model", "paper.trace"),
+    *("certification.certify", "certification.exact", "certification.robustness", "paper.trace"),
     *("visualization.explanation", "visualization.figures", "visualization.palette"),
     "visualization.sketch",
 }

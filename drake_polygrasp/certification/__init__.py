@@ -9,3 +9,47 @@
 | robustness.py | epsilon and the tolerances: how much more than the minimum a grasp withstands |
 | holding_forces.py | contact forces that hold the object against a load |
 """  # noqa: E501 - a table
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drake_polygrasp import lazy_names
+
+if TYPE_CHECKING:
+    from drake_polygrasp.certification.certify import Proof, prove, prove_many
+    from drake_polygrasp.certification.exact import attained_margin, check_force_closure
+    from drake_polygrasp.certification.holding_forces import (
+        Holding,
+        HoldingProgram,
+        friction_needed,
+        hold,
+        normal_forces,
+    )
+    from drake_polygrasp.certification.robustness import GRAVITY, Interval, epsilon_interval
+
+__all__ = [
+    "GRAVITY",
+    "Holding",
+    "HoldingProgram",
+    "Interval",
+    "Proof",
+    "attained_margin",
+    "check_force_closure",
+    "epsilon_interval",
+    "friction_needed",
+    "hold",
+    "normal_forces",
+    "prove",
+    "prove_many",
+]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "certify": ("Proof", "prove", "prove_many"),
+        "exact": ("attained_margin", "check_force_closure"),
+        "holding_forces": ("Holding", "HoldingProgram", "friction_needed", "hold", "normal_forces"),
+        "robustness": ("GRAVITY", "Interval", "epsilon_interval"),
+    },
+)

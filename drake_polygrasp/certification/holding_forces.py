@@ -7,7 +7,7 @@ hand must still find them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
@@ -103,6 +103,36 @@ def hold(
         return None
     f_Bc_B = np.array(found)
     return Holding(squeeze, frozen(wrench_B), frozen(f_Bc_B), frozen(spare_friction(grasp, f_Bc_B)))
+
+
+def friction_needed(
+    grasp: Grasp,
+    p_BBcm: Array,
+    rho: float,
+    wrench_B: Array,
+    squeeze: float,
+    tolerance: float = 1e-3,
+) -> float:
+    """Computes the friction coefficient below which no contact forces hold a load.
+
+    Args:
+        grasp: three contacts, whose forces hold the load at their own friction.
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: torque scale [m].
+        wrench_B: the load, shape (6,), as `HoldingProgram.forces` takes it.
+        squeeze: total normal force [N].
+        tolerance: how far above the least such coefficient the result may be.
+
+    Returns:
+        A coefficient with which the load is held where no contact has more.
+    """
+    low, high = 0.0, float(grasp.mu.max())
+    while high - low > tolerance:
+        mu = (low + high) / 2
+        weaker = replace(grasp, mu=np.minimum(grasp.mu, mu))
+        holds = HoldingProgram(weaker, p_BBcm, rho).forces(wrench_B, squeeze) is not None
+        low, high = (low, mu) if holds else (mu, high)
+    return high
 
 
 def spare_friction(grasp: Grasp, f_Bc_B: Array) -> Array:

@@ -20,6 +20,7 @@
 | gltf_file.py | what must be true of a glTF file, and the files it is made of |
 | numbers.py | arrays of the numbers that are written in a file |
 | collision_mesh.py | the surface that a Mesh or Convex shape stands for |
+| model_in_plant.py | adds a model file to a plant of the user's: `add_model` |
 | parsed_model.py | has Drake read a model file |
 | drake_words.py | what Drake says of a file, in words for people |
 | model_checks.py | refuses impossible sizes and masses |
@@ -28,3 +29,23 @@
 | mjcf_statements.py | the bodies, geoms and defaults of an MJCF file |
 | unread_friction.py | friction that files state and Drake does not read |
 """
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drake_polygrasp import lazy_names
+
+if TYPE_CHECKING:
+    from drake_polygrasp.loading.model_in_plant import add_model
+
+__all__ = [
+    "add_model",
+]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "model_in_plant": ("add_model",),
+    },
+)

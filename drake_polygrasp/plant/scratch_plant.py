@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pydrake.geometry import AddContactMaterial, Box, GeometryId, ProximityProperties, Sphere
+from pydrake.geometry import Box, GeometryId, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
 from drake_polygrasp.arrays import Array
@@ -20,9 +20,12 @@ from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.surface_contact import edge_distance, effective_tip_radius, face_at
 from drake_polygrasp.grasp import Grasp, GraspObject
 from drake_polygrasp.loading.object_model import Solid, load_solid
-
-_DISSIPATION = 1.0
-"""[s/m], Hunt & Crossley's, of each surface, ours."""
+from drake_polygrasp.plant.fingertips import (
+    FingertipSpheres,
+    contact_material,
+    fingertip_friction,
+    fingertip_spheres,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +88,9 @@ def add_surface(
     plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, stiffness: float | None = None
 ) -> list[GeometryId]:
     """The model's own collision geometry, its point contact of `stiffness` [N/m]."""
+    material = contact_material(scene.mu_object, point_stiffness=stiffness)
     return [
-        plant.RegisterCollisionGeometry(
-            body, X_BG, shape, f"surface_{k}", _material(scene.mu_object, stiffness)
-        )
+        plant.RegisterCollisionGeometry(body, X_BG, shape, f"surface_{k}", material)
         for k, (shape, X_BG) in enumerate(scene.solid.parts)
     ]
 
@@ -97,10 +99,9 @@ def add_covers(
     plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, stiffness: float | None = None
 ) -> list[GeometryId]:
     """The collision geometry of links on the object's joints, locked where they are by default."""
+    material = contact_material(scene.mu_object, point_stiffness=stiffness)
     return [
-        plant.RegisterCollisionGeometry(
-            body, X_BG, shape, f"cover_{k}", _material(scene.mu_object, stiffness)
-        )
+        plant.RegisterCollisionGeometry(body, X_BG, shape, f"cover_{k}", material)
         for k, (_, shape, X_BG) in enumerate(scene.solid.covers)
     ]
 
@@ -116,43 +117,23 @@ def add_pads(
     ):
         R_BP = RotationMatrix.MakeFromOneVector(nhat_TB_B, 2)
         X_BP = RigidTransform(R_BP, p_BC + w / 2 * nhat_TB_B)
-        material = _material(mu, stiffness)
+        material = contact_material(mu, point_stiffness=stiffness)
         ids.append(plant.RegisterCollisionGeometry(body, X_BP, Box(w, w, w), f"pad_{i}", material))
     return ids
 
 
 def add_tip(
-    plant: MultibodyPlant,
-    body: RigidBody,
-    scene: ScratchScene,
-    i: int,
-    *,
-    on_pad: bool,
-    stiffness: float | None = None,
+    plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, i: int, *, on_pad: bool
 ) -> GeometryId:
-    """The sphere that touches contact i, on a body whose frame is at W.
-
-    Its friction makes the contact's of the pair, in Drake's combination
-    2 mu_T mu_O / (mu_T + mu_O).
-    """
-    mu = float(scene.grasp.mu[i])
-    mu_T = mu if on_pad else 1.0 / (2.0 / mu - 1.0 / scene.mu_object)
-    return plant.RegisterCollisionGeometry(
-        body,
-        RigidTransform(scene.p_BT[i]),
-        Sphere(scene.tip_radius),
-        f"tip_{i}",
-        _material(mu_T, stiffness),
-    )
+    """The sphere that touches contact i, on a body whose frame is at W."""
+    spheres = tip_spheres(scene, on_pad=on_pad)
+    material = contact_material(float(spheres.mu[i]))
+    X_TS, shape = RigidTransform(spheres.p_HT[i]), Sphere(spheres.radius)
+    return plant.RegisterCollisionGeometry(body, X_TS, shape, f"tip_{i}", material)
 
 
-def _material(mu: float, stiffness: float | None) -> ProximityProperties:
-    """Static and dynamic friction alike: Drake's discrete contact knows the latter only."""
-    properties = ProximityProperties()
-    AddContactMaterial(
-        dissipation=_DISSIPATION,
-        point_stiffness=stiffness,
-        friction=CoulombFriction(mu, mu),
-        properties=properties,
-    )
-    return properties
+def tip_spheres(scene: ScratchScene, *, on_pad: bool) -> FingertipSpheres:
+    """The fingertips, whose friction makes the contacts' of the pairs with the object or pads."""
+    mu = scene.grasp.mu
+    mu_T = mu if on_pad else fingertip_friction(mu, scene.mu_object)
+    return fingertip_spheres(scene.grasp, scene.tip_radius, mu_T)

@@ -13,11 +13,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat, MeshcatVisualizer, Sphere
+from pydrake.geometry import Meshcat, MeshcatVisualizer
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import (
@@ -25,23 +26,18 @@ from pydrake.multibody.plant import (
     DiscreteContactApproximation,
     ExternallyAppliedSpatialForce,
 )
-from pydrake.multibody.tree import (
-    PdControllerGains,
-    PrismaticJoint,
-    RigidBody,
-    SpatialInertia,
-)
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.holding_forces import Holding, normal_forces
+from drake_polygrasp.plant.fingertips import Fingertips, add_fingertips, contact_material
+from drake_polygrasp.plant.harness import GraspSimulation, tangential
 from drake_polygrasp.plant.scratch_plant import (
     ScratchScene,
     add_covers,
     add_pads,
     add_surface,
-    add_tip,
+    tip_spheres,
 )
 
 MAX_TIME_STEP = 1e-3
@@ -82,7 +78,6 @@ FORCE_TOLERANCE = 0.05
 TIP_MASS = 1.0
 """Times the object's, ours: fingers are no lighter than what they hold."""
 _OBJECT_COLOUR = np.array([0.6, 0.6, 0.6, 0.5])
-_TIP_COLOUR = np.array([0.9, 0.4, 0.1, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +180,7 @@ def simulate(
     """
     squeeze = normal_forces(scene.grasp, squeeze_f_B)
     pushes = normal_forces(scene.grasp, holding.f_Bc_B)
-    return _Harness(scene, squeeze, meshcat).run(holding.wrench_B, pushes)
+    return _LoadTest(scene, squeeze, meshcat).run(holding.wrench_B, pushes)
 
 
 def judge(trace: SimulationRecord, num_loads: int, diameter: float) -> SimulationOutcome:
@@ -216,8 +211,8 @@ def _longest(vectors: Array) -> float:
     return float(np.linalg.norm(vectors, axis=-1).max())
 
 
-class _Harness:
-    """A diagram of object and hand, advanced sample by sample."""
+class _LoadTest:
+    """A diagram of object and fingertips, loaded sample by sample."""
 
     def __init__(self, scene: ScratchScene, squeeze: Array, meshcat: Meshcat | None) -> None:
         self._scene, self._squeeze = scene, squeeze
@@ -225,17 +220,16 @@ class _Harness:
         builder = DiagramBuilder()
         step = time_step(scene, float(squeeze.sum()))
         self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
-        self._body, self._tips = self._add_bodies()
+        self._fingertips = self._add_bodies()
         self._finish_plant()
-        self._visualizer = None
+        visualizer = None
         if meshcat is not None:
-            self._visualizer = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-        self._simulator = Simulator(builder.Build())
-        self._context = self._simulator.get_mutable_context()
-        self._plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
-        self._samples: list[tuple[float, int, Array, Array, Array]] = []
+            visualizer = MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+        self._simulation = GraspSimulation(builder.Build(), self._fingertips, visualizer)
+        self._loads: list[int] = []
+        self._slip_W: list[Array] = []
 
-    def _add_bodies(self) -> tuple[RigidBody, list[RigidBody]]:
+    def _add_bodies(self) -> Fingertips:
         plant, scene, stiffness = self._plant, self._scene, self._stiffness
         # Two surfaces in series.
         contact = 2.0 * CONTACT_STIFFNESS * stiffness
@@ -250,100 +244,72 @@ class _Harness:
         else:
             add_surface(plant, body, scene, contact)
             add_covers(plant, body, scene, contact)
-        mass = scene.solid.M_BBo_B.get_mass()
-        gains = PdControllerGains(p=stiffness, d=2.0 * np.sqrt(stiffness * mass))
-        tips = []
-        for i, nhat_TB_B in enumerate(scene.grasp.nhat_TB_B):
-            M_TTo_T = SpatialInertia.SolidSphereWithMass(TIP_MASS * mass, scene.tip_radius)
-            tip = plant.AddRigidBody(f"tip_{i}", M_TTo_T)
-            joint = plant.AddJoint(
-                PrismaticJoint(f"tip_{i}", plant.world_frame(), tip.body_frame(), nhat_TB_B)
-            )
-            plant.AddJointActuator(f"tip_{i}", joint).set_controller_gains(gains)
-            add_tip(plant, tip, scene, i, on_pad=on_pads, stiffness=contact)
-            X_TS = RigidTransform(scene.p_BT[i])
-            shape = Sphere(scene.tip_radius)
-            plant.RegisterVisualGeometry(tip, X_TS, shape, f"tip_{i}", _TIP_COLOUR)
-            tips.append(tip)
-        return body, tips
+        return add_fingertips(
+            plant,
+            body,
+            tip_spheres(scene, on_pad=on_pads),
+            mass=TIP_MASS * scene.solid.M_BBo_B.get_mass(),
+            stiffness=stiffness,
+            material=partial(contact_material, point_stiffness=contact),
+        )
 
     def _finish_plant(self) -> None:
         plant = self._plant
         plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
         plant.SetUseSampledOutputPorts(False)
-        # The hand bears itself; the object's weight is a load.
+        # The object's weight is a load.
         plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         plant.Finalize()
         plant.set_stiction_tolerance(STICTION_SPEED * self._scene.object_.polyhedron.diameter)
 
     def run(self, wrench_B: Array, pushes: Array) -> SimulationRecord:
         """Settle, then every load of wrench_B, shape (K, 6), against pushes [N], shape (K, 3)."""
-        if self._visualizer is not None:
-            self._visualizer.StartRecording()
-        try:
+        with self._simulation.recording():
             self._settle()
-            settled = self._context.get_discrete_state_vector().CopyToVector()
+            context = self._simulation.root_context
+            settled = context.get_discrete_state_vector().CopyToVector()
             for load, (wrench, push) in enumerate(zip(wrench_B, pushes, strict=True)):
-                self._context.SetDiscreteState(settled)
+                context.SetDiscreteState(settled)
                 self._hold(load, wrench, push)
-        except RuntimeError as error:  # What flies off ends in numbers that are not finite.
-            if "finite" not in str(error) or not self._samples:
-                raise
-        if self._visualizer is not None:
-            self._visualizer.StopRecording()
-            self._visualizer.PublishRecording()
-        time, load_index, slip_W, normal_force, planned = zip(*self._samples, strict=True)
+        record = self._simulation.record
         return SimulationRecord(
-            frozen(time),
-            frozen(load_index, np.int64),
-            frozen(slip_W),
-            frozen(normal_force),
-            frozen(planned),
+            record.time,
+            frozen(self._loads, np.int64),
+            frozen(self._slip_W),
+            record.normal_force,
+            record.planned_force,
         )
 
     def _settle(self) -> None:
-        origin = self._sideways()
+        start = self._tangential(self._object_pose())
         for k in range(round(2 * SETTLE_TIME / SAMPLE)):
             share = min(1.0, (k + 1) * SAMPLE / SETTLE_TIME)
-            self._step(-1, np.zeros(6), share * self._squeeze, origin)
+            self._step(-1, np.zeros(6), share * self._squeeze, start)
 
     def _hold(self, load: int, wrench: Array, push: Array) -> None:
-        origin = self._sideways()
+        start = self._tangential(self._object_pose())
         for k in range(round((RAMP_TIME + HOLD_TIME) / SAMPLE)):
             share = min(1.0, (k + 1) * SAMPLE / RAMP_TIME)
             command = self._squeeze + share * (push - self._squeeze)
-            self._step(load, share * wrench, command, origin)
+            self._step(load, share * wrench, command, start)
 
-    def _step(self, load: int, wrench: Array, push: Array, origin: Array) -> None:
-        plant, context = self._plant, self._plant_context
+    def _step(self, load: int, wrench: Array, push: Array, start: Array) -> None:
+        plant, tips, simulation = self._plant, self._fingertips, self._simulation
         force = ExternallyAppliedSpatialForce()
-        force.body_index = self._body.index()
+        force.body_index = tips.body.index()
         force.p_BoBq_B = self._scene.object_.p_BBcm
         force.F_Bq_W = SpatialForce(tau=wrench[3:], f=wrench[:3])
-        plant.get_applied_spatial_force_input_port().FixValue(context, Value([force]))
+        plant.get_applied_spatial_force_input_port().FixValue(simulation.context, Value([force]))
         desired = np.append(push / self._stiffness, np.zeros(3))
-        instance = self._body.model_instance()
-        plant.get_desired_state_input_port(instance).FixValue(context, desired)
-        self._simulator.AdvanceTo(self._context.get_time() + SAMPLE)
-        sample = self._sideways() - origin, self._measured_forces(), push
-        self._samples.append((self._context.get_time(), load, *sample))
+        plant.get_desired_state_input_port(tips.instance).FixValue(simulation.context, desired)
+        sample = simulation.advance_to(simulation.root_context.get_time() + SAMPLE, push)
+        self._loads.append(load)
+        self._slip_W.append(self._tangential(sample.X_HB) - start)
 
-    def _sideways(self) -> Array:
-        """Where the contacts fixed in B are now, across the normals along which tips slide [m]."""
-        X_WB = self._plant.EvalBodyPoseInWorld(self._plant_context, self._body)
-        p_WC, nhat = X_WB.multiply(self._scene.grasp.p_BC.T).T, self._scene.grasp.nhat_TB_B
-        return np.asarray(p_WC - np.einsum("ij,ij->i", p_WC, nhat)[:, None] * nhat)
+    def _object_pose(self) -> RigidTransform:
+        return self._fingertips.X_HB(self._simulation.context)
 
-    def _measured_forces(self) -> Array:
-        """Normal forces of the tips on the object [N], shape (3,)."""
-        results = self._plant.get_contact_results_output_port().Eval(self._plant_context)
-        f_Bc_W = np.zeros((3, 3))
-        index = [tip.index() for tip in self._tips]
-        for k in range(results.num_point_pair_contacts()):
-            info = results.point_pair_contact_info(k)
-            # Drake reports the force on body B of its pair.
-            if info.bodyA_index() in index:
-                f_Bc_W[index.index(info.bodyA_index())] += info.contact_force()
-            elif info.bodyB_index() in index:
-                f_Bc_W[index.index(info.bodyB_index())] -= info.contact_force()
-        return normal_forces(self._scene.grasp, f_Bc_W)
+    def _tangential(self, X_WB: RigidTransform) -> Array:
+        """Where the contacts fixed in B are, across the normals along which tips slide [m]."""
+        grasp = self._scene.grasp
+        return tangential(X_WB.multiply(grasp.p_BC.T).T, grasp.nhat_TB_B)

@@ -14,13 +14,49 @@
 | meshes.py | triangles and edges of faces |
 """
 
-from drake_polygrasp.visualization.page import save_html
-from drake_polygrasp.visualization.scene import (
-    draw_grasp,
-    draw_grasps,
-    draw_object,
-    look_at,
-    show_rank,
-)
+from __future__ import annotations
 
-__all__ = ["draw_grasp", "draw_grasps", "draw_object", "look_at", "save_html", "show_rank"]
+from typing import TYPE_CHECKING
+
+from drake_polygrasp import lazy_names
+
+if TYPE_CHECKING:
+    from drake_polygrasp.visualization.explanation import draw_explanation
+    from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
+    from drake_polygrasp.visualization.page import save_html
+    from drake_polygrasp.visualization.palette import CONTACTS, rgb
+    from drake_polygrasp.visualization.scene import (
+        draw_grasp,
+        draw_grasps,
+        draw_object,
+        look_at,
+        show_rank,
+    )
+    from drake_polygrasp.visualization.sketch import draw_sketch
+
+__all__ = [
+    "CONTACTS",
+    "draw_explanation",
+    "draw_grasp",
+    "draw_grasps",
+    "draw_object",
+    "draw_reasons",
+    "draw_sketch",
+    "draw_trace",
+    "look_at",
+    "rgb",
+    "save_html",
+    "show_rank",
+]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "explanation": ("draw_explanation",),
+        "figures": ("draw_reasons", "draw_trace"),
+        "page": ("save_html",),
+        "palette": ("CONTACTS", "rgb"),
+        "scene": ("draw_grasp", "draw_grasps", "draw_object", "look_at", "show_rank"),
+        "sketch": ("draw_sketch",),
+    },
+)

@@ -198,7 +198,7 @@ def test_a_recording_is_published() -> None:
     squeeze_f_B = cube_forces(8.0, np.zeros(3)).f_Bc_B[0]
     simulate(cube_scene(), squeeze_f_B, cube_forces(8.0, WEIGHT * Z), meshcat)
     assert meshcat.HasPath("/drake/visualizer/object")
-    assert meshcat.HasPath("/drake/visualizer/tip_2")
+    assert meshcat.HasPath("/drake/visualizer/fingertips/tip_3")
     assert "set_animation" in meshcat.StaticHtml()
 
 

@@ -1,0 +1,56 @@
+"""Adds a model file to a plant of the user's, with the packages that `load_object` finds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from drake_polygrasp.loading.mesh_file import check_mesh_file
+from drake_polygrasp.loading.model_source import read_model_files
+from drake_polygrasp.loading.packages import find_packages, locate, use_packages, without_network
+from drake_polygrasp.loading.parsed_model import drake_errors_as_model_errors
+
+
+def add_model(
+    plant: MultibodyPlant,
+    model_file: str | Path,
+    *,
+    package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
+    name_prefix: str | None = None,
+) -> list[RigidBody]:
+    """Adds all that a model file holds to a plant, after the checks of `load_object`.
+
+        plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
+        (body,) = add_model(plant, "models/l_bracket/l_bracket.sdf")
+        plant.Finalize()
+
+    Meshes are checked before Drake may read them, for some that are malformed end the process.
+
+    Args:
+        plant: registered with a SceneGraph, not finalized yet.
+        model_file: a path, or a package:// URI.
+        package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
+        name_prefix: what goes before the names of the file's models, with a colon pair between.
+
+    Returns:
+        The bodies that have collision geometry, in the order of the file.
+
+    Raises:
+        ModelError: when a file is missing or malformed.
+    """
+    package_map = find_packages(model_file, package_paths, packages)
+    files = read_model_files(locate(model_file, package_map), package_map)
+    for mesh in files.meshes:
+        check_mesh_file(mesh)
+    parser = Parser(plant, model_name_prefix=name_prefix or "")
+    use_packages(parser, package_map)
+    with drake_errors_as_model_errors(files.model_file), without_network():
+        models = parser.AddModels(str(files.model_file))
+    bodies = [plant.get_body(index) for model in models for index in plant.GetBodyIndices(model)]
+    return [body for body in bodies if plant.GetCollisionGeometriesForBody(body)]
