@@ -6,7 +6,7 @@ the low side: the true optimum may be better.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from benchmarks.peers import (
     triples_at,
     upper_bound,
 )
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Ints, join_rows
 from drake_polygrasp.geometry.regions import nearest_points
 from drake_polygrasp.grasp import GraspObject
 
@@ -62,25 +62,15 @@ def best_known(
     drawn = drawn.take(closed(object_, drawn, tip_radius))
     drawn = drawn.take(_highest(upper_bound(object_, drawn), efforts[0].starts))
     search = _Search(object_, surface, tip_radius, *_pool(surface, rng), rng)
-    found = joined(others, drawn)
+    found = join_rows(others, drawn)
     for effort in efforts:
         # Measured, for moves that follow a bound may end where it is wrong.
         epsilon = np.array(
             [epsilon_of(object_, found.take(np.array([k]))) for k in range(len(found.mu))]
         )
         starts = found.take(_highest(epsilon, effort.starts))
-        found = joined(found, search.improved(starts, effort))
+        found = join_rows(found, search.improved(starts, effort))
     return best_of(object_, found)
-
-
-def joined(*several: Triples) -> Triples:
-    """All rows of all."""
-    return Triples(
-        *(
-            np.concatenate([getattr(triples, column.name) for triples in several])
-            for column in fields(Triples)
-        )
-    )
 
 
 def _highest(values: Array, num: int) -> Ints:
@@ -121,7 +111,7 @@ class _Search:
             value[winner] = bound[chosen]
             source = np.arange(len(value))
             source[winner] = len(value) + rows[chosen]
-            best = joined(best, tries).take(source)
+            best = join_rows(best, tries).take(source)
         return best
 
     def _moved(self, triples: Triples, step: float) -> Triples:

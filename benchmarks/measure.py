@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from benchmarks.long_search import best_known, joined
+from benchmarks.long_search import best_known
 from benchmarks.peers import (
     NUM_TRIPLES,
     Stopwatch,
@@ -31,8 +31,9 @@ from benchmarks.peers import (
     triples_at,
 )
 from drake_polygrasp import GraspObject, GraspPlan, load_object, plan_grasps
-from drake_polygrasp.arrays import Array, keep_freed_memory
+from drake_polygrasp.arrays import Array, join_rows
 from drake_polygrasp.geometry.regions import Regions, erode
+from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
 from drake_polygrasp.pipeline.request import TIP_RADIUS
 
 CUBE = Path(__file__).resolve().parents[1] / "models" / "cube" / "cube.sdf"
@@ -115,7 +116,9 @@ def long_search(file: Path, mu: float | None, num: int, starts: list[dict[str, A
         surface_of(regions),
         _tip_radius(object_),
         np.random.default_rng(SEED),
-        joined(*(_on_regions(regions, np.array(s["p_BC"]), np.array(s["face"])) for s in starts)),
+        join_rows(
+            *(_on_regions(regions, np.array(s["p_BC"]), np.array(s["face"])) for s in starts)
+        ),
         num,
     )
     stopwatch.lap("total")

@@ -6,13 +6,13 @@ certificate), so that they differ in nothing but where they look.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Batch, Bools, Ints
 from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.robustness import RELATIVE_GAP, epsilon_interval
 from drake_polygrasp.geometry.regions import Regions
@@ -44,7 +44,7 @@ class Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class Triples:
+class Triples(Batch):
     """Three contacts a row."""
 
     p_BC: Array
@@ -55,10 +55,6 @@ class Triples:
     """Shape (M, 3, 3)."""
     mu: Array
     """Shape (M, 3)."""
-
-    def take(self, rows: Ints | Bools) -> Triples:
-        """The same for some of the rows."""
-        return Triples(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     @property
     def contacts(self) -> tuple[Array, Array, Array]:

@@ -1,9 +1,10 @@
-"""The types of arrays, the one way to make them read-only, ragged rows, and their memory."""
+"""Types of arrays, read-only copies, batches of rows, and ragged rows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -14,18 +15,40 @@ Bools = npt.NDArray[np.bool_]
 Shapes = npt.NDArray[np.object_]
 """Of shapely geometries."""
 
-_KEPT = 16 << 20
-"""[bytes], ours: what a plan makes and frees again and again is less."""
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Base of dataclasses whose fields are arrays, or batches again, of one row for each item."""
+
+    def take(self, rows: Ints | Bools | slice) -> Self:
+        """Returns some of the rows.
+
+        Args:
+            rows: their indices, in the order wanted, a mask of all rows, or a slice of them.
+        """
+        return type(self)(
+            *(
+                column.take(rows) if isinstance(column, Batch) else column[rows]
+                for column in self._columns()
+            )
+        )
+
+    def _columns(self) -> list[Any]:
+        return [getattr(self, field.name) for field in fields(self)]
 
 
-def keep_freed_memory() -> None:
-    """Lets the C library keep what arrays free, instead of returning it to the system at once.
+AnyBatch = TypeVar("AnyBatch", bound=Batch)
 
-    glibc keeps twice the largest block that was ever freed, 128 kB at first. Until something
-    frees more, a quick plan's arrays are given back and faulted in 2,000 times, which takes a
-    quarter of its time. This block is never touched and so costs nothing.
-    """
-    np.empty(_KEPT, dtype=np.uint8)
+
+def join_rows(first: AnyBatch, *others: AnyBatch) -> AnyBatch:
+    """Returns all rows of batches of one type, in their order."""
+    columns = zip(*(batch._columns() for batch in (first, *others)), strict=True)
+    return type(first)(
+        *(
+            join_rows(*parts) if isinstance(parts[0], Batch) else np.concatenate(parts)
+            for parts in columns
+        )
+    )
 
 
 def batches(count: int, size: int) -> Iterator[slice]:

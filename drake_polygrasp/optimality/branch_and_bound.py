@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Ints, join_rows
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.optimality.cell_bounds import KEPT, CellTriples, bounded
 from drake_polygrasp.progress import Progress, no_progress
@@ -92,7 +92,7 @@ def bound_optimum(
             better, epsilon = _improved(roomy, halves.region[[middle]], p_BC, p_BBcm, rho)
             if (1 + TOLERANCE) * epsilon > goal:
                 best, goal = better, (1 + TOLERANCE) * epsilon
-        cells, dropped = _greatest(_joined(cells.take(order[batch:]), halves), goal)
+        cells, dropped = _greatest(join_rows(cells.take(order[batch:]), halves), goal)
         left = max(left, dropped)
     bound = max(left, cells.bound.max(initial=0.0))
     return Optimum(float(bound), count, bool(bound <= goal), best)
@@ -141,7 +141,7 @@ def _roots(
             least = np.argsort(height[passing], axis=1, kind="stable")[:, :KEPT]
             some, bound = some[passing], bound[passing]
             fresh = CellTriples(region[some], r_CmV[some], bound, w[least])
-            cells = _joined(cells, fresh)
+            cells = join_rows(cells, fresh)
         cells, dropped = _greatest(cells, goal)
         left = max(left, dropped)
     return cells, max(left, goal)
@@ -167,18 +167,9 @@ def _halved(cells: CellTriples) -> CellTriples:
     for cell in range(3):
         twin = row[same[:, cell]]
         second[twin, cell, tail[twin]] = middle[twin]
-    return _joined(
+    return join_rows(
         CellTriples(cells.region, first, cells.bound, cells.w),
         CellTriples(cells.region, second, cells.bound, cells.w),
-    )
-
-
-def _joined(first: CellTriples, second: CellTriples) -> CellTriples:
-    return CellTriples(
-        np.concatenate([first.region, second.region]),
-        np.concatenate([first.r_CmV, second.r_CmV]),
-        np.concatenate([first.bound, second.bound]),
-        np.concatenate([first.w, second.w]),
     )
 
 

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Batch, Ints
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.search.face_support import contacts_on
 from drake_polygrasp.vectors import cross
@@ -47,7 +47,7 @@ _TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class CellTriples:
+class CellTriples(Batch):
     """Three triangular cells a row, each on a region, and what is known of the grasps in them.
 
     Attributes:
@@ -61,10 +61,6 @@ class CellTriples:
     r_CmV: Array
     bound: Array
     w: Array
-
-    def take(self, rows: Ints) -> CellTriples:
-        """The same for some of the rows."""
-        return CellTriples(self.region[rows], self.r_CmV[rows], self.bound[rows], self.w[rows])
 
     @property
     def middle(self) -> Array:

@@ -9,12 +9,12 @@ its border would give a plane that grazes an edge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, gather
+from drake_polygrasp.arrays import Array, Batch, Bools, Ints, Shapes, gather
 from drake_polygrasp.geometry.regions import Boundary, Regions
 from drake_polygrasp.paper.planar import Scale, centroids, extents
 from drake_polygrasp.paper.position import Opposed, PlaneDirections, hull_of
@@ -33,7 +33,7 @@ because files round coordinates, and harmless, because the best row is kept."""
 
 
 @dataclass(frozen=True, eq=False)
-class Planes:
+class Planes(Batch):
     """Planes Pi_p for sets of faces, one row a choice.
 
     Attributes:
@@ -58,10 +58,6 @@ class Planes:
     height: Array
     area_s: Array
     d_1: Array
-
-    def take(self, rows: Ints | Bools) -> Planes:
-        """The same for some of the rows."""
-        return Planes(*(getattr(self, column.name)[rows] for column in fields(self)))
 
 
 def _plane(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, gather
+from drake_polygrasp.arrays import Array, Batch, Bools, Ints, Shapes, gather
 from drake_polygrasp.digits import on_grid
 from drake_polygrasp.geometry.regions import Boundary, Regions
 from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
@@ -101,7 +101,7 @@ def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
 
 
 @dataclass(frozen=True, eq=False)
-class Section:
+class Section(Batch):
     """The segments a_i = Pi_p cut with A_i (Section 4), several where a face is not convex.
 
     The point of the cut at coordinate s along the row's axis is `p_BS + s * slope_B`.
@@ -122,10 +122,6 @@ class Section:
         if s.ndim == 1:
             return self.p_BS + s[:, None] * self.slope_B
         return self.p_BS[:, None] + s[..., None] * self.slope_B[:, None]
-
-    def take(self, rows: Ints | Bools) -> Section:
-        """The same for some of the rows."""
-        return Section(self.p_BS[rows], self.slope_B[rows], self.intervals[rows])
 
 
 def section(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, gather
+from drake_polygrasp.arrays import Array, Batch, Bools, Ints, Shapes, gather
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.regions import Boundary, Regions
 from drake_polygrasp.paper.planar import extents, orthonormal_pair, project, row_extremes
@@ -22,7 +22,7 @@ from drake_polygrasp.vectors import cross, dot, product, transformed, unit
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneDirections:
+class PlaneDirections(Batch):
     """Non-parallel sets on planes parallel to Pi_l.
 
     Attributes:
@@ -36,12 +36,6 @@ class PlaneDirections:
     that: Array
     nprime: Array
     turn: Array
-
-    def take(self, rows: Ints | Bools) -> PlaneDirections:
-        """The same for some of the rows."""
-        return PlaneDirections(
-            self.nhat_B[rows], self.that[rows], self.nprime[rows], self.turn[rows]
-        )
 
     def polygon(self, low: Array, high: Array) -> tuple[Array, Array]:
         """Area [m^2] and centroid of three strips' intersection (R^l or P).
@@ -165,7 +159,7 @@ def _positive(at_tail: Array, at_head: Array) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Opposed:
+class Opposed(Batch):
     """Parallel triples and pairs on Pi_s, which is orthogonal to n_bs.
 
     The text never says what Pi_s is for parallel sets; orthogonal to n_bs, the plane Pi_p contains
@@ -184,12 +178,6 @@ class Opposed:
     u: Array
     v: Array
     faces: Shapes
-
-    def take(self, rows: Ints | Bools) -> Opposed:
-        """The same for some of the rows."""
-        return Opposed(
-            self.region[rows], self.nhat_bs[rows], self.u[rows], self.v[rows], self.faces[rows]
-        )
 
 
 def opposed(regions: Regions, region: Ints, nhat_bs: Array) -> Opposed:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Batch, Bools, Ints
 
 Method = Literal["enriched", "paper"]
 
@@ -59,7 +59,7 @@ EQUAL_QUALITY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Candidates:
+class Candidates(Batch):
     """Constructed contacts, one row a set (or a variant of it); NaN where construction failed.
 
     Attributes:
@@ -85,10 +85,6 @@ class Candidates:
         """The paper's quality (eq. 5), shape (C,)."""
         product: Array = self.q.prod(axis=1)
         return product
-
-    def take(self, rows: Ints | Bools) -> Candidates:
-        """The same for some of the rows."""
-        return Candidates(*(getattr(self, column.name)[rows] for column in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ than their segments do: then three other offsets of Pi_p within R^s are tried.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, Shapes
+from drake_polygrasp.arrays import Array, Batch, Ints, Shapes, join_rows
 from drake_polygrasp.geometry.regions import Boundary, Regions
 from drake_polygrasp.paper.grasp_plane import Planes, other_heights
 from drake_polygrasp.paper.planar import Scale, Section, outer_ends, section
@@ -24,7 +24,7 @@ from drake_polygrasp.vectors import cross, dot, product
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class Cut(Batch):
     """Planes with their segments and a non-empty P, roles settled: A_2 (and A_3) oppose A_1.
 
     Attributes:
@@ -54,15 +54,6 @@ class Cut:
     p_Bc: Array
     d_2: Array
 
-    def take(self, rows: Ints | Bools) -> Cut:
-        """The same for some of the rows."""
-        columns = {
-            column.name: getattr(self, column.name)[rows]
-            for column in fields(self)
-            if column.name != "segments"
-        }
-        return Cut(segments=self.segments.take(rows), **columns)
-
 
 def join_cuts(cuts: list[Cut]) -> Cut:
     """One batch of several, in order."""
@@ -75,18 +66,7 @@ def join_cuts(cuts: list[Cut]) -> Cut:
         pad = ((0, 0), (0, 0), (0, spare), (0, 0))
         intervals = np.pad(cut.segments.intervals, pad, constant_values=np.nan)
         padded.append(replace(cut, segments=replace(cut.segments, intervals=intervals)))
-    columns = {
-        column.name: np.concatenate([getattr(cut, column.name) for cut in padded])
-        for column in fields(Cut)
-        if column.name != "segments"
-    }
-    parts = [cut.segments for cut in padded]
-    segments = Section(
-        np.concatenate([part.p_BS for part in parts]),
-        np.concatenate([part.slope_B for part in parts]),
-        np.concatenate([part.intervals for part in parts]),
-    )
-    return Cut(segments=segments, **columns)
+    return join_rows(*padded)
 
 
 def _segments(

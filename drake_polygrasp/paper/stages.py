@@ -7,13 +7,13 @@ Contacts are constructed here, not proved: whoever returns them as a grasp must 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Batch, Bools, Ints, join_rows
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.face_sets import CHUNK, pairs, triples
 from drake_polygrasp.geometry.regions import Boundary, Regions, boundary
@@ -65,7 +65,7 @@ _OPPOSING_FIRST = np.array([[0, 1, 2], [1, 0, 2], [2, 0, 1]])
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
+class _Found(Batch):
     """Chosen rows with contacts: a variant each; what paper-scaled Q still needs of them."""
 
     set_index: Ints
@@ -137,11 +137,7 @@ def _batches(num_regions: int, chosen: Ints | None) -> Iterator[Ints]:
 
 def _candidates(found: list[_Found], rho: float, method: Method) -> Candidates:
     """All that was found; one part at least, that of the pairs, perhaps without rows."""
-    columns = {
-        column.name: np.concatenate([getattr(part, column.name) for part in found])
-        for column in fields(_Found)
-    }
-    rows = _Found(**columns)
+    rows = join_rows(*found)
     scale: Literal["paper", "object"] = "paper" if method == "paper" else "object"
     q = np.column_stack(
         [

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints, Shapes
+from drake_polygrasp.arrays import Array, Batch, Ints, Shapes, join_rows
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.regions import Boundary
 from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE
@@ -34,7 +34,7 @@ OVERLAP, FIRST, SECOND = 0, 1, 2  # R_maxT is A_12, R_1 or R_2
 
 
 @dataclass(frozen=True, eq=False)
-class Choices:
+class Choices(Batch):
     """Directions l_u for pairs of faces, one row each.
 
     Attributes:
@@ -86,12 +86,7 @@ def choices(sets: Opposed, scale: Scale) -> Choices:
         found.append(
             Choices(rows[owner], directions.reshape(-1, 2), widest[rows[owner]], pocket[owner])
         )
-    return Choices(
-        *(
-            np.concatenate([getattr(part, name) for part in found])
-            for name in ("owner", "direction", "widest", "pocket")
-        )
-    )
+    return join_rows(*found)
 
 
 def _longest_edges(shapes: Shapes, scale: Scale) -> tuple[Ints, Array]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, join_rows
 from drake_polygrasp.digits import on_grid, to_decimals
 from drake_polygrasp.geometry.face_sets import find_rows, sets_of
 from drake_polygrasp.geometry.regions import Regions
@@ -82,7 +82,7 @@ class ProjectedCandidates:
         return ProjectedCandidates(
             self.request,
             more.plan,
-            join_candidates(self.candidates, more.candidates),
+            join_rows(self.candidates, more.candidates),
             *(
                 np.concatenate([getattr(self, name), getattr(more, name)])
                 for name in ("nhat_TB_B", "mu", "face", "kind", "outcome")
@@ -142,7 +142,7 @@ def project_candidates(
     polyhedron, regions = request.object_.polyhedron, request.regions
     rows = plan.candidates.take(np.arange(first, len(plan.candidates.set_index)))
     if triples is not None:
-        rows = join_candidates(rows, _candidates_of(regions, plan, triples))
+        rows = join_rows(rows, _candidates_of(regions, plan, triples))
     face, mu = regions.face[rows.region], regions.mu[rows.region]
     built = has_contacts(rows.p_BC)
     outcome = np.where(built, UNJUDGED, plan.code[rows.set_index]).astype(np.int8)
@@ -178,16 +178,6 @@ def _planes_of(p_BC: Array, rows: Candidates, slack: float) -> tuple[Array, Arra
     nhat_B[moved] = N
     p_BP[moved] -= dot(N, p_BP[moved] - p_BC[moved, 0])[:, None] * N
     return nhat_B, p_BP
-
-
-def join_candidates(first: Candidates, second: Candidates) -> Candidates:
-    """Returns all rows of both."""
-    return Candidates(
-        *(
-            np.concatenate([getattr(first, column.name), getattr(second, column.name)])
-            for column in fields(Candidates)
-        )
-    )
 
 
 def _candidates_of(regions: Regions, plan: SetPlan, triples: Triples) -> Candidates:

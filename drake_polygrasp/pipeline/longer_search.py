@@ -14,13 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_polygrasp.arrays import Ints
+from drake_polygrasp.arrays import Ints, join_rows
 from drake_polygrasp.geometry.face_sets import in_order_of_sets, sets_of, with_sets
 from drake_polygrasp.paper.orientation import sets_oppose
 from drake_polygrasp.paper.reasons import CODE, SetPlan, has_contacts
 from drake_polygrasp.pipeline.candidates import (
     ProjectedCandidates,
-    join_candidates,
     project_candidates,
 )
 from drake_polygrasp.pipeline.judge import Judge
@@ -39,7 +38,7 @@ from drake_polygrasp.search.selection import (
     improved_triples,
 )
 from drake_polygrasp.search.set_bounds import promising_sets
-from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, join_triples
+from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples
 from drake_polygrasp.wrenches.contacts import force_closure
 
 
@@ -127,7 +126,7 @@ def _denser_triples(request: PlanRequest, steps: Steps) -> Triples:
     estimate = estimates(clear, found, *scale)
     best = found.take(best_places(found.region, estimate, len(estimate), PLACES))
     better = improved_triples(clear, found, *scale) if steps.improve else NO_TRIPLES
-    return join_triples(better, best)
+    return join_rows(better, best)
 
 
 def _best_known(request: PlanRequest, work: ProjectedCandidates) -> Triples:
@@ -149,7 +148,7 @@ def _with(
     plan = SetPlan(
         np.concatenate([old.sets, fresh.sets]),
         np.concatenate([old.code, fresh.code]),
-        join_candidates(old.candidates, shifted),
+        join_rows(old.candidates, shifted),
     )
     return work.followed_by(
         project_candidates(request, plan, triples, len(old.candidates.set_index))

@@ -10,12 +10,12 @@ from typing import Any, Literal, get_args
 import numpy.typing as npt
 
 from drake_polygrasp.arguments import check_choice, check_count, check_instance
-from drake_polygrasp.arrays import keep_freed_memory
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.paper.orientation import least_opposing_friction
 from drake_polygrasp.paper.reasons import Method
+from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
 from drake_polygrasp.pipeline.judging import Rank, prove_candidates
 from drake_polygrasp.pipeline.ranking import certify_best
 from drake_polygrasp.pipeline.request import make_request

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Ints, join_rows
 from drake_polygrasp.geometry.face_sets import (
     first_of_each_set,
     in_order_of_sets,
@@ -39,7 +39,7 @@ from drake_polygrasp.search.selection import (
     usable,
 )
 from drake_polygrasp.search.set_bounds import promising_sets
-from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples, join_triples
+from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples
 
 MANY_REGIONS = 24
 """Ours: of more, only the sets that the search finds go through the paper's stages."""
@@ -75,7 +75,7 @@ def enriched(request: PlanRequest, steps: Steps) -> ProjectedCandidates:
             if len(chosen) < CHOSEN_SETS:
                 chosen = with_sets(chosen, _promising(request, found))
     plan = request.plan(steps, chosen)
-    triples = join_triples(_known(clear, plan), found)
+    triples = join_rows(_known(clear, plan), found)
     better = improved_triples(clear, triples, *scale) if steps.improve else found
     return project_candidates(request, plan, better)
 
@@ -122,7 +122,7 @@ def quick(request: PlanRequest, wanted: int) -> tuple[ProjectedCandidates, Array
     best, estimate = found.take(rows), estimate[rows]
     starts = best.take(slice(effort.starts))
     p_BC, risen = improved(regions, starts.region, starts.p_BC, *scale, effort.rounds)
-    triples = join_triples(Triples(starts.region, p_BC), best)
+    triples = join_rows(Triples(starts.region, p_BC), best)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
     return project_candidates(request, unplanned(sets), triples), np.concatenate([risen, estimate])
 

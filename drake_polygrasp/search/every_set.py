@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Ints, join_rows
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.search.face_support import contacts_on, points_on
 from drake_polygrasp.search.selection import best_places, estimates
 from drake_polygrasp.search.set_bounds import Opposing
-from drake_polygrasp.search.triples import NO_TRIPLES, Triples, join_triples
+from drake_polygrasp.search.triples import NO_TRIPLES, Triples
 from drake_polygrasp.wrenches.contacts import force_closure
 
 _AT_ONCE = 100_000
@@ -52,6 +52,6 @@ def triples_on_each_set(
         rows = rows[opposing(nhat, mu)]
         triples = Triples(region[rows], p_BC[rows])
         holds = force_closure(*contacts_on(regions, triples.region, triples.p_BC))
-        found = join_triples(found, triples.take(holds))
+        found = join_rows(found, triples.take(holds))
     estimate = estimates(regions, found, p_BBcm, rho)
     return found.take(best_places(found.region, estimate, len(estimate), places))

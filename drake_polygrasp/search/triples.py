@@ -13,7 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.arrays import Array, Batch, Ints, frozen, join_rows
 from drake_polygrasp.geometry.face_sets import first_of_each_set
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.search.effort import FULL, Effort
@@ -39,7 +39,7 @@ MOST_PASSES = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Triples:
+class Triples(Batch):
     """Three contacts a row.
 
     Attributes:
@@ -50,19 +50,8 @@ class Triples:
     region: Ints
     p_BC: Array
 
-    def take(self, rows: Ints | Bools | slice) -> Triples:
-        """The same for some of the rows."""
-        return Triples(self.region[rows], self.p_BC[rows])
-
 
 NO_TRIPLES = Triples(np.empty((0, 3), dtype=np.int64), np.empty((0, 3, 3)))
-
-
-def join_triples(first: Triples, second: Triples) -> Triples:
-    """All rows of both."""
-    return Triples(
-        np.concatenate([first.region, second.region]), np.concatenate([first.p_BC, second.p_BC])
-    )
 
 
 def best_triples(
@@ -101,11 +90,11 @@ def best_triples(
         triples = Triples(region[rows], p_BC[rows])
         holding = _holding(regions, triples)
         holds = triples.take(holding)
-        found = join_triples(holds, found)
+        found = join_rows(holds, found)
         if number + 1 >= len(strides) and len(found.region) >= ENOUGH * effort.kept:
             break
         slips = triples.take(np.setdiff1d(np.arange(len(rows)), holding))
-        sources = join_triples(
+        sources = join_rows(
             _first_of_sets(holds, effort.sources), _first_of_sets(slips, effort.sources)
         )
         w = np.concatenate([w, weakest_directions(regions, sources, p_BBcm, rho)])

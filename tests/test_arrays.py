@@ -1,0 +1,44 @@
+"""Batches of rows: what is taken and joined, in which order, and within batches of batches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, Batch, Ints, join_rows
+
+
+@dataclass(frozen=True, eq=False)
+class Points(Batch):
+    p: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Owned(Batch):
+    owner: Ints
+    points: Points
+
+
+def owned(*owners: int) -> Owned:
+    owner = np.array(owners)
+    return Owned(owner, Points(10.0 * owner[:, None] + np.arange(3)))
+
+
+def test_rows_are_taken_in_the_order_asked_by_index_mask_or_slice() -> None:
+    some = owned(1, 2, 3)
+    for rows, owners in (
+        (np.array([2, 0, 2]), [3, 1, 3]),
+        (np.array([False, True, True]), [2, 3]),
+        (slice(1), [1]),
+    ):
+        taken = some.take(rows)
+        assert taken.owner.tolist() == owners
+        assert taken.points.p[:, 1].tolist() == [10 * owner + 1 for owner in owners]
+
+
+def test_joined_rows_follow_each_other() -> None:
+    joined = join_rows(owned(1, 2), owned(), owned(3))
+    assert isinstance(joined, Owned)
+    assert joined.owner.tolist() == [1, 2, 3]
+    assert joined.points.p.tolist() == owned(1, 2, 3).points.p.tolist()
