@@ -27,7 +27,8 @@ class Explanation:
         faces: faces of each set, ascending; -1 for a pair's third, shape (M, 3).
         reasons: one of reasons.REASONS each, never "not_evaluated".
         counts: how many sets ended with each reason.
-        mu_needed: without a certified grasp: the friction above which some set would pass orientation.
+        mu_needed: the friction above which some set would pass orientation; None where a grasp
+            is certified.
         excluded_faces: faces whose every set is excluded, ascending.
     """
 
