@@ -18,7 +18,6 @@ from drake_polygrasp import (
     obstacles_from_plant,
     plan_grasps,
 )
-from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import GRAVITY, friction_needed
 from drake_polygrasp.plant import (
     FingertipSpheres,
@@ -26,7 +25,7 @@ from drake_polygrasp.plant import (
     fingertip_spheres,
     is_approach_clear,
 )
-from examples.motion import Task, Z, plan_motion
+from examples.motion import Array, Task, Z, plan_motion
 
 STANDOFF = 0.02
 """[m] from the contacts, where the fingertips start."""

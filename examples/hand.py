@@ -10,7 +10,6 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_polygrasp import UsageError
-from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import hold, normal_forces
 from drake_polygrasp.plant import (
     Fingertips,
@@ -22,7 +21,7 @@ from drake_polygrasp.plant import (
 )
 from drake_polygrasp.visualization import CONTACTS, rgb
 from examples.choose_grasp import STANDOFF, Target
-from examples.motion import Motion
+from examples.motion import Array, Motion
 
 CARRIAGE_MASS, CARRIAGE_STIFFNESS = 1.0, 1e6
 """[kg] and [N/m]: it holds to its commands stiffly."""

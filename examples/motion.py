@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drake_polygrasp.arrays import Array
-
+Array = NDArray[np.float64]
 SAMPLE = 0.01
 """[s] between commands, and between what is recorded."""
 STROKE = 0.25

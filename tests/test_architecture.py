@@ -60,12 +60,6 @@ PURE = ("geometry", "wrenches", "paper", "search")
 """Rooms without plants and scenes."""
 MOST_LINES = 350
 LONG_FILES = {"certification/exact.py": "runs alone, and is read whole by who trusts nothing else"}
-INSIDE_ROOMS = {
-    *("certification.certify", "certification.exact", "certification.robustness", "paper.trace"),
-    *("visualization.explanation", "visualization.figures", "visualization.palette"),
-    "visualization.sketch",
-}
-"""Modules inside rooms that notebooks and examples import, for want of a name in the room."""
 
 
 def name_of(module: Path) -> str:
@@ -225,13 +219,36 @@ def shown_code() -> Iterator[tuple[str, str]]:
 
 
 def test_users_are_shown_names_of_the_package_and_its_rooms() -> None:
-    met = set()
-    for _, code in shown_code():
-        for name in imports_in(code):
-            within = name.removeprefix("drake_polygrasp.")
-            if "." in within and within in NAMES:
-                met.add(within)
-    assert met == INSIDE_ROOMS
+    inside = {
+        (source, name)
+        for source, code in shown_code()
+        for name in imports_in(code)
+        if name.removeprefix("drake_polygrasp.") in NAMES
+    }
+    assert not inside
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_offers_what_it_names_and_no_file_of_its_own_hides_it(room: str) -> None:
+    module = import_module(f"drake_polygrasp.{room}")
+    files = {file.stem for file in (PACKAGE / room).glob("*.py")}
+    for name in getattr(module, "__all__", ()):
+        assert hasattr(module, name)
+        assert name in dir(module)
+        # Where the file of that name is imported, it would take the place of what it defines.
+        assert name not in files or room == "cli"
+
+
+def test_an_example_is_read_in_one_go() -> None:
+    lengths = {p.name: len(p.read_text().splitlines()) for p in (ROOT / "examples").glob("*.py")}
+    assert {name for name, length in lengths.items() if length >= 120} == set()
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_importing_a_room_loads_nothing_slow(room: str) -> None:
+    loaded, result = loaded_by("-c", f"import drake_polygrasp.{room}")
+    assert f"drake_polygrasp.{room}" in loaded, result.stderr[-1000:]
+    assert not {name.partition(".")[0] for name in loaded} & {"matplotlib", "pydrake", "shapely"}
 
 
 def test_importing_the_package_loads_neither_drake_nor_numpy() -> None:

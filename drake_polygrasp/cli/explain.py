@@ -56,9 +56,6 @@ def run_explain(arguments: argparse.Namespace) -> tuple[int, str]:
         from drake_polygrasp.visualization.explanation import draw_explanation
         from drake_polygrasp.visualization.figures import save_figure
 
-        figure = draw_explanation(
-            object_, explanation, arguments.set, arguments.edge_clearance, arguments.tip_radius
-        )
-        save_figure(figure, arguments.figure)
+        save_figure(draw_explanation(object_, explanation, arguments.set), arguments.figure)
     table = one_set_table if arguments.set else all_sets_table
     return DONE, as_json(document) if arguments.json else table(document)

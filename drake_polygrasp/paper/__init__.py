@@ -14,7 +14,7 @@
 | 4-7 | cuts, projections and segments that several stages share | planar.py | section, project | test_position.py |
 | 4-7 | the flow chart | stages.py | plan_sets | test_reference_planner.py |
 | 4-7 | what becomes of a set | reasons.py | REASONS, MEANING, SetPlan | test_reference_planner.py |
-| 4-7 | what every stage computes for one set | trace.py | trace | test_trace.py |
+| 4-7 | what every stage computes for one set | trace.py | trace_set | test_trace.py |
 | 4-7 | that, as values | trace_result.py | SetTrace | test_trace.py |
 
 Section 2 (faces, edges) is geometry/polyhedron.py and geometry/regions.py; Section 3 (force
@@ -22,3 +22,23 @@ closure) is certification/ and wrenches/contacts.py, because Proposition 1 as pr
 Everything here is numpy and shapely on batches of sets; each file says where it departs from the
 text and why. What is beyond the paper is search/.
 """  # noqa: E501 - a table
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from drake_polygrasp import lazy_names
+
+if TYPE_CHECKING:
+    from drake_polygrasp.paper.trace import trace_set
+
+__all__ = [
+    "trace_set",
+]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "trace": ("trace_set",),
+    },
+)

@@ -55,7 +55,7 @@ from drake_polygrasp.paper.two_faces import choices, two_face_planes
 from drake_polygrasp.vectors import unit
 
 
-def trace(
+def trace_set(
     object_: GraspObject, faces: Sequence[int], edge_clearance: float | None = None
 ) -> SetTrace:
     """Follows one set of faces through the paper (`method="paper"`).

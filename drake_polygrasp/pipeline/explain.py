@@ -30,6 +30,8 @@ class Explanation:
         mu_needed: the friction above which some set would pass orientation; None where a grasp
             is certified.
         excluded_faces: faces whose every set is excluded, ascending.
+        tip_radius: of the fingertips planned for [m].
+        edge_clearance: least distance of contacts from edges that was asked for [m], or None.
     """
 
     faces: Ints
@@ -37,6 +39,8 @@ class Explanation:
     counts: dict[str, int]
     mu_needed: float | None
     excluded_faces: tuple[int, ...] = ()
+    tip_radius: float = 0.0
+    edge_clearance: float | None = None
 
 
 def explain_sets(
@@ -70,4 +74,6 @@ def explain_sets(
         counts,
         None if counts.get("certified") else least_opposing_friction(request.regions.nhat_TB_B),
         request.excluded_faces,
+        request.tip_radius,
+        edge_clearance,
     )

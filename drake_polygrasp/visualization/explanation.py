@@ -8,37 +8,32 @@ from matplotlib.figure import Figure
 
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.reasons import MEANING, REASONS
-from drake_polygrasp.paper.trace import trace
+from drake_polygrasp.paper.trace import trace_set
 from drake_polygrasp.paper.trace_result import SetTrace
 from drake_polygrasp.pipeline.explain import Explanation
-from drake_polygrasp.pipeline.request import TIP_RADIUS
 from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
 
 
 def draw_explanation(
-    object_: GraspObject,
-    explanation: Explanation,
-    faces: Sequence[int] | None = None,
-    edge_clearance: float | None = None,
-    tip_radius: float | None = None,
+    object_: GraspObject, explanation: Explanation, faces: Sequence[int] | None = None
 ) -> Figure:
-    """What became of one set of faces, by the paper; of all of them, where none is named.
+    """Draws what became of one set of faces, by the paper, or of all of them.
 
     Args:
         object_: what to grasp.
         explanation: what `explain_sets` says of it.
-        faces: two or three indices, or None.
-        edge_clearance: as of `explain_sets` [m].
-        tip_radius: as of `explain_sets` [m].
+        faces: indices of two or three faces (default: counts of all sets' ends are drawn).
+
+    Returns:
+        The figure.
     """
     if faces is None:
         counts = explanation.counts
         figure = Figure(figsize=(7.0, 0.8 + 0.4 * len(counts)), layout="constrained")
         draw_reasons(figure.add_subplot(), counts)
         return figure
-    its = trace(object_, faces, edge_clearance)
-    tip = TIP_RADIUS * object_.polyhedron.diameter if tip_radius is None else tip_radius
-    return draw_trace(its, object_, tip, _ending(its, explanation))
+    its = trace_set(object_, faces, explanation.edge_clearance)
+    return draw_trace(its, object_, explanation.tip_radius, _ending(its, explanation))
 
 
 def _ending(its: SetTrace, explanation: Explanation) -> str:

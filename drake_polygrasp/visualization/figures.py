@@ -64,7 +64,7 @@ def draw_trace(
     """One panel for each plane that the set came to, and one for the forces that hold.
 
     Args:
-        its: what `paper.trace.trace` found.
+        its: what `trace_set` found.
         object_: drawn too, in 3-D and where Pi_p cuts it, if given.
         tip_radius: of fingertips to draw on Pi_p [m].
         ending: what to say of the set's end (default: what the trace says).

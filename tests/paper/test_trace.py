@@ -19,7 +19,7 @@ from drake_polygrasp import GraspObject, UsageError, explain_sets, load_object, 
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.paper.orientation import least_ball_centre
 from drake_polygrasp.paper.reasons import MEANING
-from drake_polygrasp.paper.trace import trace
+from drake_polygrasp.paper.trace import trace_set
 from drake_polygrasp.paper.trace_result import SetTrace
 from drake_polygrasp.pipeline.explain import Explanation
 from drake_polygrasp.visualization.directions import draw_directions
@@ -50,7 +50,7 @@ def traces(name: str) -> dict[tuple[int, ...], SetTrace]:
     """Of every set of two and three faces."""
     n = len(object_(name).polyhedron.faces)
     sets = [s for k in (2, 3) for s in itertools.combinations(range(n), k)]
-    return {faces: trace(object_(name), faces) for faces in sets}
+    return {faces: trace_set(object_(name), faces) for faces in sets}
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -178,7 +178,7 @@ def test_a_figure_names_the_end_of_its_set_and_shows_it(reason: str) -> None:
     assert {int(text.get_text()) for text in sketch.texts} == {*faces}
     title = figure.get_suptitle()
     assert reason in title and MEANING[reason][1] in title
-    its, last = trace(object_(name), faces), panels[-1]
+    its, last = trace_set(object_(name), faces), panels[-1]
     if reason == "orientation":
         assert len(panels) == 1 and "cone 1" in labels(last)
     if reason == "rl_empty":
@@ -210,7 +210,7 @@ def test_a_section_is_the_outline_of_the_object() -> None:
 def test_faces_that_are_no_set_are_a_usage_error() -> None:
     for faces in ((1,), (1, 2, 3, 4), (1, 99)):
         with pytest.raises(UsageError, match="no set of two or three"):
-            trace(object_("l_bracket"), faces)
+            trace_set(object_("l_bracket"), faces)
 
 
 @pytest.mark.parametrize(
@@ -280,7 +280,9 @@ def test_fingertips_are_judged_where_a_patch_lets_them_touch(tmp_path: Path) -> 
     (tmp_path / "can.sdf").write_text(sdf)
     body = load_object(tmp_path / "can.sdf")
     best = plan_grasps(body, method="paper", top=1).grasps[0].grasp
-    figure = draw_trace(trace(body, sorted({*best.faces})), body, 0.02 * body.polyhedron.diameter)
+    figure = draw_trace(
+        trace_set(body, sorted({*best.faces})), body, 0.02 * body.polyhedron.diameter
+    )
     said = set().union(*map(labels, figure.axes))
     assert "fingertip" in said and "no room for it" not in said
 
