@@ -1,5 +1,8 @@
 """Plans grasps of three frictional point contacts on two or three faces, and proves each one.
 
+It implements Prado & Suárez, "Heuristic Grasp Planning with Three Frictional Contacts on Two or
+Three Faces of a Polyhedron", for any object that Drake's Parser loads:
+
     from drake_polygrasp import load_object, plan_grasps, save_grasps, verify_file
 
     box = load_object("models/brick/brick.urdf")
@@ -9,8 +12,9 @@
     save_grasps("brick.grasp.yaml", box, plan.grasps, plan.settings)
     assert verify_file("brick.grasp.yaml").holds
 
-After Prado & Suárez, "Heuristic Grasp Planning with Three Frictional Contacts on Two or Three Faces
-of a Polyhedron". Points, normals and forces are expressed in the object's body frame B; SI units.
+Points, normals and forces are expressed in the object's body frame B, in SI units. Every error is a
+`PolygraspError`, whose message says what is wrong and what would mend it. `help` of a name says
+what it takes, returns and raises.
 """
 
 from __future__ import annotations
@@ -119,16 +123,16 @@ _HOMES = {
 def lazy_names(
     package: str, homes: Mapping[str, tuple[str, ...]]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Makes the functions by which a package loads each name that it offers when it is asked for.
+    """Makes the functions with which a package imports each of its names at its first use.
 
-    Who only verifies never loads the planner, and who draws nothing no matplotlib.
+    So verifying a file never loads the planner, and planning loads no matplotlib.
 
     Args:
-        package: its name, `__name__`.
-        homes: modules of the package, and the names that are defined in each.
+        package: full name of the package, its `__name__`.
+        homes: names that the package offers, by the module in it that defines them.
 
     Returns:
-        Its `__getattr__` and its `__dir__`.
+        Two functions, for its `__getattr__` and its `__dir__`.
     """
     home = {name: module for module, names in homes.items() for name in names}
 

@@ -1,7 +1,6 @@
-"""Checks the arguments of public functions, so that a wrong one is one clear line.
+"""Checks the arguments of public functions.
 
-Each refusal is a UsageError that names the argument, its value and what it must be. Nothing here
-looks at more than a few numbers: results of hot loops are not arguments.
+Each wrong argument raises a UsageError whose one line names it, its value and what it must be.
 """
 
 from __future__ import annotations
@@ -25,7 +24,13 @@ T = TypeVar("T")
 
 
 def refuse(name: str, value: object, demand: str) -> UsageError:
-    """Returns the error that an argument is not what it must be."""
+    """Returns the error that says what an argument must be.
+
+    Args:
+        name: what the message calls the argument.
+        value: the argument as it was given, shortened in the message.
+        demand: what it must be, in words: "a length in metres, 0 or more".
+    """
     shown = " ".join(reprlib.repr(value).split())
     return UsageError(f"{name} is {shown}; it must be {demand}")
 
@@ -39,7 +44,19 @@ def check_number(
     above: float = -math.inf,
     most: float = math.inf,
 ) -> float:
-    """Returns a finite number within bounds as a float; `demand` says in words what it must be."""
+    """Returns a finite number within bounds as a float.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+        demand: what it must be, in words, with its unit.
+        least: the number is at least this.
+        above: the number is greater than this.
+        most: the number is at most this.
+
+    Raises:
+        UsageError: when it is no such number.
+    """
     if isinstance(value, np.ndarray) and value.shape == ():
         value = value.item()
     if isinstance(value, bool | np.bool_) or not isinstance(value, Real):
@@ -54,12 +71,28 @@ def check_number(
 
 
 def check_length(name: str, value: object) -> float:
-    """Returns a length [m], 0 or more."""
+    """Returns a length [m], 0 or more.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+
+    Raises:
+        UsageError: when it is no such number.
+    """
     return check_number(name, value, "a length in metres, 0 or more", least=0.0)
 
 
 def check_count(name: str, value: object) -> int:
-    """Returns a whole number, at least 1."""
+    """Returns a whole number, at least 1 and at most sys.maxsize.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+
+    Raises:
+        UsageError: when it is no whole number or less than 1.
+    """
     if isinstance(value, bool | np.bool_) or not isinstance(value, Integral):
         raise refuse(name, value, "a whole number and at least 1")
     if int(value) < 1:
@@ -68,7 +101,16 @@ def check_count(name: str, value: object) -> int:
 
 
 def check_choice(name: str, value: object, choices: Sequence[str]) -> str:
-    """Returns one of a few words."""
+    """Returns one of a few words.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+        choices: the words, two or more.
+
+    Raises:
+        UsageError: when it is none of them.
+    """
     if not isinstance(value, str) or value not in choices:
         quoted = [repr(choice) for choice in choices]
         raise refuse(name, value, f"{', '.join(quoted[:-1])} or {quoted[-1]}")
@@ -76,7 +118,17 @@ def check_choice(name: str, value: object, choices: Sequence[str]) -> str:
 
 
 def check_instance(name: str, value: object, kind: type[T], source: str = "") -> T:
-    """Returns an instance of `kind`; `source` says where one comes from."""
+    """Returns an instance of a class.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+        kind: the class.
+        source: where one comes from, added to the message: "as load_object returns it".
+
+    Raises:
+        UsageError: when it is no instance of it.
+    """
     if not isinstance(value, kind):
         article = "an" if kind.__name__[0] in "AEIOU" else "a"
         hint = f", {source}" if source else ""
@@ -87,7 +139,15 @@ def check_instance(name: str, value: object, kind: type[T], source: str = "") ->
 
 
 def check_path(name: str, value: object) -> str | Path:
-    """Returns a path as text or Path: a str or a path object, not bytes."""
+    """Returns a path as text or pathlib.Path; bytes are refused.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+
+    Raises:
+        UsageError: when it is no path, has a null character or is too long for the system.
+    """
     if isinstance(value, os.PathLike):
         value = value if isinstance(value, Path) else os.fspath(value)
     if not isinstance(value, str | Path):
@@ -103,14 +163,30 @@ def check_path(name: str, value: object) -> str | Path:
 
 
 def check_paths(name: str, values: object) -> tuple[str | Path, ...]:
-    """Returns several paths; one alone is taken for a mistake."""
+    """Returns several paths; a path that is not in a list is refused.
+
+    Args:
+        name: what messages call the argument.
+        values: the argument as it was given.
+
+    Raises:
+        UsageError: when it is no list, or an item is no path.
+    """
     if isinstance(values, str | bytes | os.PathLike):
         raise refuse(name, values, "a list of paths: put it in brackets")
     return tuple(check_path(f"{name}[{i}]", v) for i, v in enumerate(check_items(name, values)))
 
 
 def check_packages(name: str, value: object) -> dict[str, str | Path]:
-    """Returns folders of packages by name; none for None."""
+    """Returns the folders of packages by name, empty for None.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+
+    Raises:
+        UsageError: when it is no mapping, or a name or a folder is wrong.
+    """
     if value is None:
         return {}
     if not isinstance(value, Mapping):
@@ -122,14 +198,30 @@ def check_packages(name: str, value: object) -> dict[str, str | Path]:
 
 
 def check_text(name: str, value: object) -> str:
-    """Returns text that is not empty."""
+    """Returns text that is not empty.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+
+    Raises:
+        UsageError: when it is not text, or empty.
+    """
     if not isinstance(value, str) or not value:
         raise refuse(name, value, "text")
     return value
 
 
 def check_items(name: str, values: object) -> list[Any]:
-    """Returns the items of a list or of another collection, which text and bytes are not."""
+    """Returns the items of a list or another iterable, except text and bytes.
+
+    Args:
+        name: what messages call the argument.
+        values: the argument as it was given.
+
+    Raises:
+        UsageError: when it is none.
+    """
     if isinstance(values, str | bytes) or not isinstance(values, Iterable):
         raise refuse(name, values, "a list")
     try:
@@ -139,7 +231,16 @@ def check_items(name: str, values: object) -> list[Any]:
 
 
 def check_array(name: str, value: object, shape: tuple[int, ...]) -> Array:
-    """Returns finite numbers of a shape as a read-only array."""
+    """Returns an array of finite numbers, read-only.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+        shape: shape that it must have.
+
+    Raises:
+        UsageError: when it is no array of that shape, or a number is not finite.
+    """
     try:
         array = np.asarray(value)
     except (TypeError, ValueError):
@@ -150,13 +251,29 @@ def check_array(name: str, value: object, shape: tuple[int, ...]) -> Array:
 
 
 def check_flag(name: str, value: object) -> bool:
-    """Returns True or False."""
+    """Returns a truth value.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+
+    Raises:
+        UsageError: when it is neither True nor False.
+    """
     if not isinstance(value, bool | np.bool_):
         raise refuse(name, value, "True or False")
     return bool(value)
 
 
 def check_callback(name: str, value: object) -> None:
-    """Refuses what cannot be called; None is no callback."""
+    """Checks a callback; None is allowed.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+
+    Raises:
+        UsageError: when it is neither None nor callable.
+    """
     if value is not None and not callable(value):
         raise refuse(name, value, "a function, or None")

@@ -1,4 +1,4 @@
-"""Types of arrays, read-only copies, batches of rows, and ragged rows."""
+"""Array types, read-only copies, batches of rows, and ragged arrays."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Shapes = npt.NDArray[np.object_]
-"""Of shapely geometries."""
+"""Arrays of shapely geometries."""
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Base of dataclasses whose fields are arrays, or batches again, of one row for each item."""
+    """Base of dataclasses whose fields are arrays, or batches, with one row for each item."""
 
     def take(self, rows: Ints | Bools | slice) -> Self:
-        """Returns some of the rows.
+        """Returns a batch of some of the rows.
 
         Args:
-            rows: their indices, in the order wanted, a mask of all rows, or a slice of them.
+            rows: indices, in the order wanted; or a mask, shape (rows,); or a slice.
         """
         return type(self)(
             *(
@@ -41,7 +41,12 @@ AnyBatch = TypeVar("AnyBatch", bound=Batch)
 
 
 def join_rows(first: AnyBatch, *others: AnyBatch) -> AnyBatch:
-    """Returns all rows of batches of one type, in their order."""
+    """Returns one batch of the rows of several.
+
+    Args:
+        first: the batch whose rows come first.
+        others: batches of the same type, in their order.
+    """
     columns = zip(*(batch._columns() for batch in (first, *others)), strict=True)
     return type(first)(
         *(
@@ -52,13 +57,23 @@ def join_rows(first: AnyBatch, *others: AnyBatch) -> AnyBatch:
 
 
 def batches(count: int, size: int) -> Iterator[slice]:
-    """Yields slices of at most `size` rows that together are `count` rows, in order."""
+    """Yields slices that divide rows into parts of bounded size, in order.
+
+    Args:
+        count: number of rows.
+        size: most rows in one slice; less than 1 counts as 1.
+    """
     for start in range(0, count, max(1, size)):
         yield slice(start, min(start + size, count))
 
 
 def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
-    """A read-only copy of `values`; -0.0 becomes 0.0, so that equal values print alike."""
+    """Returns a read-only copy; -0.0 becomes 0.0, so that equal values print alike.
+
+    Args:
+        values: an array or nested sequence, any shape.
+        dtype: element type of the copy.
+    """
     array = np.array(values, dtype=dtype)
     if array.dtype.kind == "f":
         array += 0.0
@@ -67,12 +82,30 @@ def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
 
 
 def gather(offsets: Ints, rows: Ints) -> tuple[Ints, Ints]:
-    """Flat indices of the items of `rows`, and the row (0..K-1) that owns each of them."""
+    """Returns where the items of some rows of a ragged array are, and whose each of them is.
+
+    Args:
+        offsets: row r owns the items offsets[r] to offsets[r + 1] - 1, shape (R + 1,).
+        rows: indices of rows, shape (K,).
+
+    Returns:
+        Indices of the N items of these rows, shape (N,), and the position in `rows` (0 to K - 1)
+        of the row that owns each, shape (N,).
+    """
     return ranges(offsets[rows], offsets[rows + 1])
 
 
 def ranges(starts: Ints, ends: Ints) -> tuple[Ints, Ints]:
-    """The integers from each start to before its end, and whose (0..K-1) each of them is."""
+    """Returns the integers of several half-open ranges, and the range of each.
+
+    Args:
+        starts: first integer of each range, shape (K,).
+        ends: one more than its last integer, shape (K,); equal to the start if it is empty.
+
+    Returns:
+        The N integers, range by range, shape (N,), and the index of the range (0 to K - 1) that
+        each is from, shape (N,).
+    """
     counts = ends - starts
     before = np.cumsum(counts) - counts
     owner = np.repeat(np.arange(len(starts)), counts)

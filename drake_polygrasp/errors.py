@@ -1,26 +1,40 @@
-"""The errors this package raises: each message names the file, what is wrong and what mends it."""
+"""The errors that this package raises: each message says what is wrong and what would mend it."""
 
 
 class PolygraspError(Exception):
-    """Base class of every error that is the input's fault and not the program's."""
+    """Base class of all errors of the package, each caused by a file or an argument.
+
+        try:
+            box = load_object("box.sdf")
+        except PolygraspError as error:
+            print(f"error: {error}")
+
+    The message is one line that names the file or argument, what is wrong with it, and what would
+    mend it.
+    """
 
 
 class ModelError(PolygraspError):
-    """A model, or a mesh it names, cannot be loaded or is no object to grasp."""
+    """A model, or a mesh that it names, cannot be loaded or is no object to grasp."""
 
 
 class MissingPackageError(ModelError):
-    """A model names a package whose folder is unknown, or which is not on this machine."""
+    """A model names a package whose folder is unknown or missing."""
 
 
 class GraspFileError(PolygraspError):
-    """A grasp file cannot be read, or breaks the format."""
+    """A grasp file cannot be read or written, or breaks the format."""
 
 
 class UsageError(PolygraspError):
-    """A parameter is outside what it may be."""
+    """An argument or option has the wrong type or value, or does not go with another."""
 
 
 def with_remedy(reason: object, remedy: str) -> str:
-    """Returns a reason and what mends it, where the reason does not say so after a semicolon."""
+    """Returns a reason and, unless it has one after a semicolon already, its remedy.
+
+    Args:
+        reason: what is wrong: text, or an error whose message says so.
+        remedy: what the user can do about it.
+    """
     return str(reason) if "; " in str(reason) else f"{reason}; {remedy}"

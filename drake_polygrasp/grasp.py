@@ -1,9 +1,9 @@
-"""The central nouns: an object to grasp, a grasp of it, and what is proved of that grasp.
+"""The values that all rooms share: an object, a grasp of it, and what is proved of that grasp.
 
-All are immutable values. Everything geometric is expressed in the body frame B, in SI units.
-Frames and names follow Drake's monogram notation: `p_BC` is the position of contact C measured
-from B's origin, `nhat_TB_B` the unit normal that points from the fingertip T into the body B (the
-paper's inward n_i), `f_Bc_B` the force on body B at contact c.
+All are immutable. Everything geometric is expressed in the body frame B, in SI units. Names follow
+Drake's monogram notation: `p_BC` is the position of contact C measured from B's origin, `nhat_TB_B`
+the unit normal that points from the fingertip T into the body B (the paper's inward n_i), `f_Bc_B`
+the force on body B at contact c.
 """
 
 from __future__ import annotations
@@ -22,10 +22,15 @@ from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 
 Kind = Literal["three_faces", "three_parallel_faces", "two_faces"]
+"""How many faces a grasp touches; parallel are three that parallel forces hold, one against two."""
 
 
 class Verdict(StrEnum):
-    """The answer to whether a grasp holds; undecided is never "holds"."""
+    """The answer of a check: HOLDS, FAILS ("does not hold") or UNDECIDED.
+
+    UNDECIDED means that the check could not be run or found no proof either way; it never counts
+    as HOLDS.
+    """
 
     HOLDS = "holds"
     FAILS = "does not hold"
@@ -34,22 +39,23 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class ModelSource:
-    """Where an object came from.
+    """The model file of an object and the options with which it was loaded.
 
     Attributes:
         model_file: the file given to Drake's Parser: an absolute path, or a package:// URI as it
             was given.
         sha256: hex digest over the digests of the model file, its included files and collision
             meshes.
-        model_name: model instance, as Drake names it.
-        body_name: body, as the model names it.
-        patch_angle: what patches of its surface were asked for, as of `load_object`; None for the
-            default.
-        patch_depth: greatest depth of a patch of a curved surface [m].
-        links: the links that the model fixes to one another, when more than one; B is of
-            `body_name`.
-        joints_free: whether links on its joints were ignored, as of `load_object`.
-        scale: of an OBJ model, as of `load_object`; None for 1.
+        model_name: name of the model instance in Drake.
+        body_name: name of the link whose frame is B.
+        patch_angle: greatest angle between a patch's normal and those of its facets [rad], if it
+            was given to `load_object`; None for the default.
+        patch_depth: greatest distance of facets from the plane of their patch [m], if it was given
+            to `load_object`; None for the default.
+        links: names of all links that the model fixes to one another, if there are several;
+            together they are the rigid body.
+        joints_free: whether links on the body's joints were ignored; otherwise they cover faces.
+        scale: factor on the lengths of an OBJ model; None for 1.
     """
 
     model_file: Path | str
@@ -65,16 +71,23 @@ class ModelSource:
 
 @dataclass(frozen=True, eq=False)
 class GraspObject:
-    """A rigid body as the planner and the certificate see it, in its body frame B.
+    """A rigid body to grasp: its exposed surface, mass and centre of mass, in body frame B.
+
+    `load_object` reads one from a model file, `object_from_plant` from a `MultibodyPlant`.
+
+        box = load_object("models/brick/brick.urdf")
+        print(len(box.polyhedron.faces), box.polyhedron.faces[0].mu, box.mass, box.warnings)
 
     Attributes:
-        polyhedron: its exposed surface; friction belongs to the faces.
-        mass: [kg]; None when the model states none.
-        p_BBcm: centre of mass [m], shape (3,); the volume's centroid when the model states none.
-        rho: greatest distance from the centre of mass to the surface [m].
-        source: where the object came from; None for a body of a plant.
+        polyhedron: the exposed surface, as planar faces that are numbered from 0; each face has its
+            friction coefficient `mu`.
+        mass: mass of the body [kg]; None if the model states none.
+        p_BBcm: centre of mass [m], shape (3,); the volume's centroid if the model states none.
+        rho: greatest distance from the centre of mass to the surface [m]; torques are divided by
+            it.
+        source: the model file; None for a body of a plant without one.
         warnings: what was assumed or changed on loading, one sentence each.
-        body: what tells it from other bodies, for obstacles; None where that is not known.
+        body: identifies the body among those of its plant, for obstacles; None if it is unknown.
     """
 
     polyhedron: Polyhedron
@@ -88,7 +101,7 @@ class GraspObject:
 
 @dataclass(frozen=True, eq=False)
 class GraspPlane:
-    """The paper's plane Pi_p, which holds the three contacts.
+    """The plane through the three contacts, the paper's Pi_p.
 
     Attributes:
         nhat_B: unit normal, shape (3,).
@@ -101,12 +114,13 @@ class GraspPlane:
 
 @dataclass(frozen=True)
 class Quality:
-    """The paper's quality of a set of faces (eq. 5-10).
+    """The paper's quality of a set of faces (equations 5 to 10).
 
     Attributes:
-        scale: what distances and areas are divided by: maxima over all valid sets, or rho.
-        Q: the product of the five.
-        q: the five factors of equations 5 to 10.
+        scale: what distances and areas are divided by: "paper", their maxima over all valid sets
+            of the object; "object", rho and its square.
+        Q: product of the five factors, from 0 to 1.
+        q: the factors q_1 to q_5, each from 0 to 1.
     """
 
     scale: Literal["paper", "object"]
@@ -116,16 +130,17 @@ class Quality:
 
 @dataclass(frozen=True, eq=False)
 class Grasp:
-    """Three frictional point contacts; how they were found is not part of it.
+    """Three frictional point contacts on the exposed surface of an object, in body frame B.
 
     Attributes:
-        p_BC: contact points on the exposed surface [m], shape (3, 3), one row a contact.
-        nhat_TB_B: inward unit normals, shape (3, 3).
-        mu: friction coefficient of each contact's pair, shape (3,).
-        kind: how many faces, and whether they are parallel.
-        faces: index of each contact's face in the polyhedron.
-        grasp_plane: the plane Pi_p.
-        quality: the paper's quality; None where its stages give none.
+        p_BC: contact points [m], shape (3, 3), one row a contact.
+        nhat_TB_B: unit normals from the fingertips into the body, shape (3, 3).
+        mu: friction coefficient at each contact, shape (3,), above 0.
+        kind: "three_faces", "three_parallel_faces" (held by parallel forces, one against two) or
+            "two_faces".
+        faces: index of each contact's face in `polyhedron.faces` of the object.
+        grasp_plane: the plane through the contacts.
+        quality: the paper's quality; None for contacts that its stages did not construct.
     """
 
     p_BC: Array
@@ -139,22 +154,29 @@ class Grasp:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What is proved of a grasp; every number can be recomputed from the grasp file alone.
+    """The proof of force closure of a grasp, and bounds of the loads and errors that it withstands.
+
+    Every number can be recomputed from the grasp and the object's mass, centre of mass and rho.
+    epsilon is the size of the largest wrench (force, torque about the centre of mass / rho) that
+    the contacts withstand in every direction with normal forces of total 1 (Ferrari and Canny). The
+    tolerances allow one kind of error at a time, at all three contacts at once.
 
     Attributes:
-        internal_force: x_12, x_13, x_23 [1/m], shape (3,): the proof of force closure.
-        margin: in (0, 1]: attained by `internal_force`.
-        mu_min: the grasp still holds when friction drops, by one factor, until the greatest is
-            this.
-        mu_min_internal_force: what proves it then [1/m], shape (3,).
-        epsilon_lower: bounds of the largest wrench withstood in every direction by unit total
-            normal force.
+        internal_force: x_12, x_13, x_23 [1/m], shape (3,), the proof: the forces
+            f_1 = x_12 (p_2 - p_1) + x_13 (p_3 - p_1), and likewise at the other contacts, balance
+            each other strictly inside the friction cones. Their normal parts have total 1.
+        margin: how far inside the cones those forces are, in (0, 1]: the least over contacts of
+            3 (n.f - |tangential f| / mu), 1 for three equal normal forces.
+        mu_min: the greatest friction coefficient after all are scaled down by one factor so far
+            that the grasp only just remains force closure; 0 if hardly any friction is needed.
+        mu_min_internal_force: the proof at friction `mu_min` [1/m], shape (3,).
+        epsilon_lower: lower bound of epsilon.
         epsilon_upper: upper bound of epsilon.
-        placement_tolerance: all three contacts may move at once by less than this along their faces
-            [m].
-        tilt_tolerance: all three normals may tilt at once by less than this [rad].
-        friction_tolerance: all three friction coefficients may drop at once by less than this.
-        squeeze_force: [N] of total normal force that holds the weight in every orientation.
+        placement_tolerance: distance by less than which contacts may move along their faces [m].
+        tilt_tolerance: angle by less than which normals may tilt [rad].
+        friction_tolerance: amount by less than which friction coefficients may drop.
+        squeeze_force: total normal force that holds the weight in every orientation [N]; None if
+            the mass is unknown.
     """
 
     internal_force: Array
@@ -171,14 +193,17 @@ class Certificate:
 
 @dataclass(frozen=True)
 class PlantVerdict:
-    """One answer to the question whether a grasp holds.
+    """The result of one check of a grasp in a plant.
 
     Attributes:
-        name: exact, convex, geometry, statics or simulation.
-        verdict: undecided where the check could not be run.
-        margin: what is left until it would not hold; None where the check was not run.
-        unit: unit of the margin.
-        reason: why the check has no answer; empty where it has one.
+        name: "exact", the internal force of the certificate in exact arithmetic; "convex", the
+            best internal force that a solver finds; "geometry", contacts and fingertips by
+            SceneGraph's signed distance; "statics", the weight along each axis of B; or
+            "simulation", the same and disturbances through time.
+        verdict: UNDECIDED if the check could not be run.
+        margin: distance from failing, negative if the check fails; None if it was not run.
+        unit: unit of the margin: "1", "m" or "N".
+        reason: why the check fails or was not run, or what it was run on; may be empty.
     """
 
     name: str
@@ -190,15 +215,15 @@ class PlantVerdict:
 
 @dataclass(frozen=True, eq=False)
 class HeldWeight:
-    """How contacts in a plant hold the object's weight along one axis of B.
+    """The contact forces that hold the object's weight along one axis of B in a plant.
 
     Attributes:
-        weight_B: [N], shape (3,).
-        residual: what the planned forces leave unbalanced, torques over rho, in units of the
-            weight.
-        p_BC: where Drake's contact wrenches act [m], shape (3, 3); none, shape (0, 3), if it
-            failed.
-        f_Bc_B: the forces of Drake's contact wrenches on B [N], likewise.
+        weight_B: weight [N], shape (3,).
+        residual: norm of the wrench that the planned forces leave unbalanced, torques divided by
+            rho, over the weight.
+        p_BC: points at which Drake's contact wrenches act [m], shape (3, 3); shape (0, 3) if its
+            `StaticEquilibriumProblem` failed.
+        f_Bc_B: forces of those contact wrenches on B [N], same shape.
     """
 
     weight_B: Array
@@ -209,12 +234,13 @@ class HeldWeight:
 
 @dataclass(frozen=True, eq=False)
 class PlantRecord:
-    """The verdicts of a plant on a grasp, as a grasp file states them.
+    """The verdicts on a grasp in a plant, as a grasp file states them.
 
     Attributes:
-        verdicts: one of each check, by its name.
-        settings: what the plant was asked.
-        equilibria: of the weight along +x, +y, +z, -x, -y, -z of B.
+        verdicts: one for each check, in the order exact, convex, geometry, statics, simulation.
+        settings: parameters of the checks by name, in SI units.
+        equilibria: how the weight along +x, +y, +z, -x, -y, -z of B is held; empty if it was not
+            computed.
     """
 
     verdicts: tuple[PlantVerdict, ...]
@@ -228,7 +254,7 @@ class PlantRecord:
 
     @property
     def verdict(self) -> Verdict:
-        """The worst of all verdicts; undecided where there is none."""
+        """FAILS if any verdict is, HOLDS if there are verdicts and all are, else UNDECIDED."""
         found = {verdict.verdict for verdict in self.verdicts}
         if Verdict.FAILS in found:
             return Verdict.FAILS
@@ -237,14 +263,17 @@ class PlantRecord:
 
 @dataclass(frozen=True, eq=False)
 class CertifiedGrasp:
-    """A grasp that holds, and its proof.
+    """A force-closure grasp with its proof.
+
+        best = plan_grasps(box).grasps[0]
+        print(best.grasp.p_BC, best.certificate.epsilon_lower, best.certificate.squeeze_force)
 
     Attributes:
         grasp: the three contacts.
-        certificate: what is proved of them.
-        tip_radius: radius of the fingertips that have room at the contacts [m]; None where no plan
-            says so.
-        plant: what a plant says of the grasp; None where it was not asked.
+        certificate: the proof, and bounds of what the grasp withstands.
+        tip_radius: radius of spherical fingertips that fit at the contacts [m], 0 for points; None
+            if that was not checked.
+        plant: verdicts of `rank_in_plant`; None if the grasp was not checked in a plant.
     """
 
     grasp: Grasp
@@ -254,15 +283,15 @@ class CertifiedGrasp:
 
 
 class CarriesProof(Protocol):
-    """A certificate, as it is proved or stated."""
+    """A proof of force closure: a `Certificate`, or what a grasp file states."""
 
     @property
     def internal_force(self) -> Array:
-        """x_12, x_13, x_23 [1/m], shape (3,)."""
+        """The internal force x_12, x_13, x_23 [1/m], shape (3,)."""
 
 
 class CarriesGrasp(Protocol):
-    """A grasp with what is known of it: `CertifiedGrasp`, or a file's `StatedGrasp`."""
+    """A grasp with its certificate: a `CertifiedGrasp`, or a grasp of a file."""
 
     @property
     def grasp(self) -> Grasp:
@@ -270,24 +299,30 @@ class CarriesGrasp(Protocol):
 
     @property
     def certificate(self) -> CarriesProof:
-        """The proof of force closure."""
+        """The proof of its force closure."""
 
     @property
     def tip_radius(self) -> float | None:
-        """Radius of the fingertips that it was planned for [m]."""
+        """Radius of the fingertips for which it was planned [m]; None if it is unknown."""
 
 
 AnyGrasp = Grasp | CarriesGrasp
+"""A grasp, alone or with its certificate."""
 _BEYOND_MEASURE = 1e9
-"""[m], ours: coordinates of no grasp."""
+"""Our choice: greatest coordinate of a grasp [m]; larger ones overflow in the proof."""
 _UNIT = 1e-6
-"""Ours: of a unit vector's length; the proof asks for more."""
+"""Our choice: error allowed in the length of a unit vector; the proof allows less."""
 
 
 def grasp_of(grasp: AnyGrasp) -> Grasp:
-    """Returns the three contacts of a grasp, or of one that carries its certificate.
+    """Returns the three contacts of a grasp, checked.
 
-    Raises UsageError when it is no grasp, or its arrays have other shapes or numbers than stated.
+    Args:
+        grasp: a `Grasp`, or a grasp with its certificate.
+
+    Raises:
+        UsageError: when it is no grasp, an array has the wrong shape, a number is not finite or
+            a normal is no unit vector.
     """
     contacts = grasp if isinstance(grasp, Grasp) else getattr(grasp, "grasp", None)
     if not isinstance(contacts, Grasp):

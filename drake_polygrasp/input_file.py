@@ -1,4 +1,4 @@
-"""Reads files from anyone: whole, of bounded size, and only what is a file."""
+"""Reads untrusted files: regular files only, of bounded size."""
 
 from __future__ import annotations
 
@@ -9,9 +9,17 @@ from drake_polygrasp.errors import PolygraspError
 
 
 def read_bytes(path: Path, kind: str, max_bytes: int, error: type[PolygraspError]) -> bytes:
-    """The content of a file of some kind ("model", "mesh"), or `error` saying why there is none.
+    """Returns the content of a regular file; a pipe or a device, which may never end, is refused.
 
-    A pipe or a device is refused, for reading it may never end.
+    Args:
+        path: the file.
+        kind: what messages call it: "model", "mesh".
+        max_bytes: greatest size.
+        error: type of the error to raise.
+
+    Raises:
+        PolygraspError: of type `error`, when there is no such file, it is not a regular file,
+            larger than `max_bytes`, or cannot be read.
     """
     try:
         status = path.stat()
@@ -29,5 +37,5 @@ def read_bytes(path: Path, kind: str, max_bytes: int, error: type[PolygraspError
         raise error(f"{path}: there is no such {kind} file; mend the path") from None
     except OSError as failure:
         raise error(f"{path}: cannot be read: {failure.strerror}; mend the path") from None
-    except ValueError as failure:  # A null character.
+    except ValueError as failure:  # A null character in the path.
         raise error(f"{str(path)!r}: is no path: {failure}") from None

@@ -1,4 +1,4 @@
-"""How functions that take long say how far they are."""
+"""The callback by which long computations report their progress."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 Progress: TypeAlias = Callable[[int, int], None]
-"""Called with how many pieces of the work are done, and of how many at most."""
+"""A function that is called with the number of steps done and the greatest number of steps."""
 
 
 def no_progress(done: int, total: int) -> None:
-    """Tells nobody."""
+    """Ignores the progress, for callers that pass no callback.
+
+    Args:
+        done: number of steps done.
+        total: greatest number of steps.
+    """

@@ -1,8 +1,8 @@
-"""Algebra of short vectors: over the last axis of arrays of any shape, or over the first.
+"""Algebra of short vectors, over the last axis of arrays of any shape or over the first.
 
 NumPy leaves `@`, `np.dot` and the norm of one vector to BLAS, whose last bits depend on the
-processor. What decides what is planned is computed by the functions here instead, as sums in one
-order everywhere.
+processor. Values that decide what is planned are computed by these functions instead, which add in
+a fixed order on every processor.
 """
 
 from __future__ import annotations
@@ -16,24 +16,46 @@ from drake_polygrasp.arrays import Array
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Scalar products."""
+    """Returns scalar products.
+
+    Args:
+        a: vectors, shape (..., k).
+        b: vectors; shapes broadcast.
+
+    Returns:
+        The products, shape (...).
+    """
     product: Array = np.einsum("...i,...i->...", a, b)
     return product
 
 
 def circle(angles: npt.NDArray[np.floating[Any]]) -> Array:
-    """Points of the unit circle at angles [rad], (...) to (..., 2).
+    """Returns points of the unit circle, rounded to fourteen decimals.
 
-    To fourteen decimals, for the C library's last bits depend on the processor too.
+    The last bits of the C library's sine and cosine depend on the processor too.
+
+    Args:
+        angles: angles from the x axis [rad], shape (...).
+
+    Returns:
+        The points (cos, sin), shape (..., 2).
     """
     points: Array = np.round(np.stack([np.cos(angles), np.sin(angles)], axis=-1), 14)
     return points
 
 
 def times(vectors: Array, matrix: Array) -> Array:
-    """Row vectors times one matrix or vector, (..., j) and (j, k) or (j,) to (..., k) or (...)."""
+    """Returns row vectors times one matrix or vector.
+
+    Args:
+        vectors: row vectors, shape (..., j).
+        matrix: a matrix, shape (j, k), or a vector, shape (j,).
+
+    Returns:
+        The products, shape (..., k) or (...).
+    """
     *shape, _ = vectors.shape
-    # One component after another of all vectors: contiguous, hence several times faster.
+    # Component by component over all vectors, in contiguous memory: several times faster.
     columns = np.ascontiguousarray(vectors.reshape(-1, len(matrix)).T)
     if matrix.ndim == 1:
         values: Array = np.einsum("jn,j->n", columns, matrix)
@@ -43,13 +65,29 @@ def times(vectors: Array, matrix: Array) -> Array:
 
 
 def transformed(matrices: Array, vectors: Array) -> Array:
-    """Matrices times column vectors, (..., i, j) and (..., j) to (..., i); shapes broadcast."""
+    """Returns matrices times column vectors.
+
+    Args:
+        matrices: matrices, shape (..., i, j).
+        vectors: column vectors, shape (..., j); shapes broadcast.
+
+    Returns:
+        The products, shape (..., i).
+    """
     products: Array = np.einsum("...ij,...j->...i", matrices, vectors)
     return products
 
 
 def product(a: Array, b: Array) -> Array:
-    """Products of matrices, (..., i, j) and (..., j, k) to (..., i, k); shapes broadcast."""
+    """Returns products of matrices.
+
+    Args:
+        a: matrices, shape (..., i, j).
+        b: matrices, shape (..., j, k); shapes broadcast.
+
+    Returns:
+        The products, shape (..., i, k).
+    """
     total: Array = a[..., :1] * b[..., :1, :]
     for j in range(1, a.shape[-1]):
         total += a[..., j, None] * b[..., None, j, :]
@@ -57,7 +95,15 @@ def product(a: Array, b: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Vector products; several times faster than NumPy's for short arrays."""
+    """Returns vector products, several times faster than NumPy's for short arrays.
+
+    Args:
+        a: vectors, shape (..., 3).
+        b: vectors; shapes broadcast.
+
+    Returns:
+        The products a x b, shape (..., 3).
+    """
     a_x, a_y, a_z = a[..., 0], a[..., 1], a[..., 2]
     b_x, b_y, b_z = b[..., 0], b[..., 1], b[..., 2]
     x = a_y * b_z - a_z * b_y
@@ -69,7 +115,15 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def cross_first(a: Array, b: Array) -> Array:
-    """Vector products over the first axis: of many vectors, each operation is contiguous."""
+    """Returns vector products over the first axis, whose components are contiguous in memory.
+
+    Args:
+        a: vectors, shape (3, ...).
+        b: vectors; shapes broadcast.
+
+    Returns:
+        The products a x b, shape (3, ...).
+    """
     x = a[1] * b[2] - a[2] * b[1]
     product = np.empty((3, *x.shape), x.dtype)
     product[0] = x
@@ -79,7 +133,14 @@ def cross_first(a: Array, b: Array) -> Array:
 
 
 def unit(vectors: Array) -> Array:
-    """The vectors divided by their lengths; zero stays zero."""
+    """Returns vectors divided by their lengths; zero stays zero.
+
+    Args:
+        vectors: vectors, shape (..., k).
+
+    Returns:
+        The unit vectors, same shape.
+    """
     length = np.sqrt(dot(vectors, vectors))[..., None]
     directions: Array = vectors / np.where(length > 0, length, 1.0)
     return directions
