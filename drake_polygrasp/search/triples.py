@@ -21,7 +21,7 @@ from drake_polygrasp.search.face_support import contacts_on, points_on
 from drake_polygrasp.search.set_cover import Singles, best_covering_triples
 from drake_polygrasp.vectors import times, unit
 from drake_polygrasp.wrenches.contacts import force_closure
-from drake_polygrasp.wrenches.epsilon_bound import COARSE_TURNS, critical_directions
+from drake_polygrasp.wrenches.epsilon_bound import FEW_ANGLES, critical_directions
 from drake_polygrasp.wrenches.support import frame_wrenches
 
 MANY_POINTS = 160
@@ -163,7 +163,7 @@ def cone_support(cones: Array, w: Array) -> Singles:
 def weakest_directions(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
     """The unit w that each of M triples resists least, some each, shape (K, 6)."""
     contacts = contacts_on(regions, triples.region, triples.p_BC)
-    w, _ = critical_directions(*contacts, p_BBcm, rho, num_turns=COARSE_TURNS, rotations=True)
+    w, _ = critical_directions(*contacts, p_BBcm, rho, num_angles=FEW_ANGLES, rotations=True)
     return w.reshape(-1, 6)
 
 

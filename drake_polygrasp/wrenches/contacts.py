@@ -1,11 +1,6 @@
-"""Which wrenches three frictional point contacts can apply, for many grasps at once.
+"""The contact triangle, contact frames, internal forces, and force closure in closed form.
 
-Hard point contacts with Coulomb friction and the exact quadratic cone. A batch holds M grasps:
-points `p_BC` (M, 3, 3) and inward unit normals `nhat_TB_B` (M, 3, 3), one row a contact, and
-friction `mu` (M, 3). A wrench is (force, torque about the centre of mass / rho), six numbers of
-one unit, and W is the convex hull of what the contacts apply with normal forces that add up to
-1 (Ferrari & Canny, 1992). Everything here is a filter or a bound in floating point: the proof is
-`certification.exact`.
+The test for force closure is a filter in floating point; `certification.exact` proves.
 """
 
 from __future__ import annotations
@@ -18,23 +13,24 @@ from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.vectors import cross, cross_first, dot, unit
 
 MIN_AREA_RATIO = 1e-3
-"""Ours: twice the contacts' area over the square of their longest side, at least. A non-zero area
-alone means nothing: collinear points, once turned, have one of 1e-19 m^2."""
+"""Our choice: contacts whose triangle has twice an area below this, over the square of its longest
+side, count as collinear. A test for zero would not do: collinear points, once rotated in floating
+point, span an area near 1e-19 m^2."""
 ON_A_SIDE = 1e-9
-"""Ours: of unit wrenches, what is nearer to a plane than this is on it."""
+"""Our choice: unit vectors nearer to a plane than this count as lying in it."""
 _PAIRS = np.array(list(itertools.combinations(range(6), 2)))
 _ENDS = np.array([0, 1, 2, 0, 1, 2])
 
 
 def contact_triangle(p_BC: Array) -> tuple[Array, Array]:
-    """The contacts seen from their centroid, and their size.
+    """Returns contact points from their centroid, scaled by the longest side, and that side.
 
     Args:
         p_BC: contact points [m], shape (M, 3, 3).
 
     Returns:
-        Points relative to the centroid and divided by the longest side (zero where the three
-        points are one), shape (M, 3, 3), and the longest side [m], shape (M,).
+        The scaled points, zero where the three points coincide, shape (M, 3, 3), and the longest
+        side [m], shape (M,).
     """
     sides = p_BC - p_BC.take((2, 0, 1), axis=1)
     longest = np.sqrt(dot(sides, sides).max(axis=1))
@@ -44,41 +40,55 @@ def contact_triangle(p_BC: Array) -> tuple[Array, Array]:
 
 
 def plane_normal(p_BC: Array) -> Array:
-    """Unit normal of the plane Pi_p through the contacts, shape (M, 3).
+    """Returns the unit normal of the plane Pi_p through the three contacts.
 
-    Its sign follows the order of the contacts; it is zero where all three are exactly collinear.
+    Args:
+        p_BC: contact points, shape (M, 3, 3).
+
+    Returns:
+        Shape (M, 3), counter-clockwise about the contacts in their order; zero where they are
+        exactly collinear.
     """
     return unit(_area(p_BC))
 
 
 def non_collinear(p_BC: Array) -> Bools:
-    """Whether the contacts span a triangle with room, shape (M,); needed for force closure."""
+    """Returns whether the contacts are clear of being collinear, as force closure requires.
+
+    Args:
+        p_BC: contact points, shape (M, 3, 3).
+
+    Returns:
+        Whether twice the triangle's area is at least `MIN_AREA_RATIO` times the square of its
+        longest side, shape (M,).
+    """
     p, longest = contact_triangle(p_BC)
-    return _has_room(_area(p), longest)
+    return _spans_plane(_area(p), longest)
 
 
 def _area(p: Array) -> Array:
-    """Twice the area of triangles, along their normals."""
+    """Returns twice the area of triangles, as vectors along their normals."""
     return cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
 
 
-def _has_room(area: Array, longest: Array) -> Bools:
+def _spans_plane(area: Array, longest: Array) -> Bools:
+    """Returns whether scaled triangles are clear of being collinear."""
     spread: Bools = (dot(area, area) >= MIN_AREA_RATIO**2) & (longest > 0)
     return spread
 
 
 def edge_forces(p_BC: Array, x: Array) -> Array:
-    """The internal forces that push along the sides of the contact triangle.
+    """Returns the internal forces with given coefficients along the sides of the contact triangle.
 
-    Equal and opposite pairs, so they balance whatever x is; for contacts that are not collinear
-    they are all the forces that do (Murray, Li & Sastry, 1994, ch. 5).
+    They are equal and opposite pairs, so they balance for every x. For contacts that are not
+    collinear every set of balanced contact forces has this form (Murray, Li & Sastry, 1994, ch. 5).
 
     Args:
         p_BC: contact points [m], shape (M, 3, 3).
-        x: x_12, x_13, x_23 [1/m], shape (M, 3).
+        x: coefficients x_12, x_13, x_23 of the sides [1/m], shape (M, 3).
 
     Returns:
-        f_Bc_B, the force on B at each contact, shape (M, 3, 3).
+        f_Bc_B, the force on B at each contact, with the unit of x times metres, shape (M, 3, 3).
     """
     along_12, along_13, along_23 = (
         x[:, k, None] * (p_BC[:, j] - p_BC[:, i])
@@ -91,11 +101,18 @@ def edge_forces(p_BC: Array, x: Array) -> Array:
 
 
 def contact_frames(p_BC: Array, nhat_TB_B: Array) -> Array:
-    """Orthonormal (nhat, t_1, t_2) of each contact as rows, shape (M, 3, 3, 3).
+    """Returns a right-handed orthonormal frame (nhat, t_1, t_2) at each contact.
 
-    t_1 is the part of the contact plane's normal that is tangent to the face, so that nothing
-    computed in these frames depends on the body frame; where that part vanishes (such a grasp
-    cannot hold) t_1 is the part of an axis of B.
+    t_1 points along the projection of the contact plane's normal onto the tangent plane, so that
+    results computed in these frames do not depend on the body frame. Where that projection
+    vanishes (the grasp is then not force closure) an axis of B replaces the normal.
+
+    Args:
+        p_BC: contact points, shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+
+    Returns:
+        The frames' axes as rows, shape (M, 3, 3, 3).
     """
     N = plane_normal(p_BC)[:, None]
     tangent = N - dot(N, nhat_TB_B)[..., None] * nhat_TB_B
@@ -111,12 +128,21 @@ def contact_frames(p_BC: Array, nhat_TB_B: Array) -> Array:
 
 
 def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
-    """Whether each grasp is force closure, in closed form (Li, Liu & Cai, 2003), shape (M,).
+    """Returns whether each grasp is force closure, by the test of Li, Liu & Cai (2003).
 
-    Three contacts are force closure iff they are not collinear, their plane cuts every friction
-    cone in its interior, and the planar grasp it cuts out is force closure: the origin is interior
-    to the hull of the six planar wrenches along the edges of the cut cones. That is so unless a
-    plane through two of them and the origin has all others on one closed side.
+    Three contacts are force closure iff they are not collinear, their plane meets the interior of
+    every friction cone, and the planar grasp with the cones' sections in that plane is force
+    closure: the origin is interior to the convex hull of the six planar wrenches along the edges
+    of the sections. It is not interior iff some plane through the origin and two of the wrenches
+    has all others on one closed side.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+
+    Returns:
+        Shape (M,); False for grasps within rounding of the boundary.
     """
     p, longest = contact_triangle(p_BC)
     area = _area(p)
@@ -125,8 +151,8 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
     cos_phi = np.sqrt(np.maximum(1.0 - sin_phi**2, 0.0))
     cos_alpha = 1.0 / np.sqrt(1.0 + mu**2)
     cuts = (cos_phi > cos_alpha + ON_A_SIDE).all(axis=1)
-    closed: Bools = cuts & _has_room(area, longest)
-    # Few pass so far, and what follows costs most.
+    closed: Bools = cuts & _spans_plane(area, longest)
+    # The hull test is the most expensive part, and few grasps reach it.
     rows = np.flatnonzero(closed)
     p, N, cos_phi = p[rows], N[rows, None], cos_phi[rows]
 
@@ -134,8 +160,8 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
     cos_beta = np.minimum(cos_alpha[rows] / cos_phi, 1.0)[..., None]
     along, across = cos_beta * axis, np.sqrt(1.0 - cos_beta**2) * cross(N, axis)
     edges = np.concatenate([along - across, along + across], axis=1)
-    # (fx, fy, tau) of each edge without a choice of axes in the plane: the planar force turned
-    # into B, plus its torque along N.
+    # The planar wrench (fx, fy, tau) of each edge as a vector in B: the force, which lies in the
+    # plane, plus the torque, which is along N. This needs no choice of axes in the plane.
     wrenches = unit(edges + cross(p.take(_ENDS, axis=1), edges)).transpose(2, 1, 0).copy()
 
     first, second = _PAIRS.T

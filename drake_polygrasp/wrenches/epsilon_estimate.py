@@ -1,6 +1,7 @@
-"""Estimates of epsilon to search by, a few microseconds each: bounds of it in single precision.
+"""Estimates of epsilon that guide a search: its upper bounds in single precision.
 
-Nothing may rest on them: what is found by them is proved, and measured, by others.
+An estimate takes a few microseconds. It decides which grasps are tried, never what is stated of
+them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.vectors import cross_first
-from drake_polygrasp.wrenches.epsilon_bound import COARSE_TURNS
+from drake_polygrasp.wrenches.epsilon_bound import FEW_ANGLES
 from drake_polygrasp.wrenches.facet_twists import (
     TINY,
     FacetTwists,
@@ -32,49 +33,70 @@ _PRODUCTS = np.array(
         *((i, j) for j in (3, 4) for i in range(j + 1)),
     ]
 ).T
-"""Of what multiplies s cos, s sin and s with each other, then of all with 1, then with t."""
+"""Pairs (i, j) of the columns of `FacetTwists.linear` whose products occur in squares: the six of
+s cos, s sin and s with each other, then the four with 1, then the five with t; shape (2, 15)."""
 _SIGNS = np.array([-1.0, 1.0])[:, None, None, None]
 
 
 def epsilon_estimates(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float) -> Array:
-    """`epsilon_upper_bound` of `COARSE_TURNS` of contacts that hold, but for rounding.
+    """Returns `epsilon_upper_bound` with `FEW_ANGLES` of force closure grasps, but for rounding.
 
-    Arguments as there. Of most grasps six digits are right, of nearly degenerate ones three.
+    Six digits are right for most grasps, three for nearly degenerate ones.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
 
     Returns:
-        Shape (M,), not negative.
+        Shape (M,), at least 0; without meaning for grasps that are not force closure.
     """
     estimates: list[Array] = []
     for rows in chunks(len(p_BC)):
-        lines = _lines(p_BC[rows] - p_BBcm, nhat_TB_B[rows], mu[rows], rho)
-        estimates.append(_radii(lines).min(axis=(0, 1, 2)))
+        families = _families(p_BC[rows] - p_BBcm, nhat_TB_B[rows], mu[rows], rho)
+        estimates.append(_radii(families).min(axis=(0, 1, 2)))
     highest: Array = np.maximum(np.concatenate(estimates).astype(float), 0.0)
     return highest
 
 
 def radii_of_lines(p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float) -> Array:
-    """What `epsilon_estimates` are the least of: two for each line of twists, shape (M, L).
+    """Returns h(w) / |w| of all facet twists, whose least is the estimate of epsilon.
 
-    They change smoothly as contacts move, with kinks where rims or discs change places. In single
-    precision.
+    As contacts move each value changes smoothly, but for kinks where the maximum in h(w) passes
+    from one contact to another.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+
+    Returns:
+        Two values for each family of twists, in single precision, shape (M, 12 `FEW_ANGLES`).
     """
-    lines = _lines(p_BC - p_BBcm, nhat_TB_B, mu, rho)
-    radii = _radii(lines)
+    radii = _radii(_families(p_BC - p_BBcm, nhat_TB_B, mu, rho))
     return radii.reshape(math.prod(radii.shape[:-1]), len(p_BC)).T
 
 
-def _lines(p_BcmC_B: Array, nhat_TB_B: Array, mu: Array, rho: float) -> FacetTwists:
+def _families(p_BcmC_B: Array, nhat_TB_B: Array, mu: Array, rho: float) -> FacetTwists:
+    """Returns the families of facet twists in single precision."""
     nhat, r, some_mu = (_single(values) for values in (nhat_TB_B, p_BcmC_B / rho, mu))
-    return facet_twists(_frames_alone(nhat, r), r, some_mu, COARSE_TURNS)
+    return facet_twists(_contact_frames(nhat, r), r, some_mu, FEW_ANGLES)
 
 
 def _single(values: Array) -> Any:
-    """In single precision, which `Array` does not speak of."""
+    """Returns the values in single precision, for which `Array` is not the type."""
     return values.astype(np.float32)
 
 
-def _frames_alone(nhat: Array, r: Array) -> Array:
-    """`contact_frames` of contacts that hold, of others anything, shape (M, 3, 3, 3)."""
+def _contact_frames(nhat: Array, r: Array) -> Array:
+    """Returns `contacts.contact_frames` in single precision, shape (M, 3, 3, 3).
+
+    They are right for force closure grasps only: no other axis replaces t_1 where it vanishes.
+    """
     nhat, r = grasps_last(nhat), grasps_last(r)
     N = cross_first(r[:, 1] - r[:, 0], r[:, 2] - r[:, 1])[:, None]
     N = N / (np.sqrt((N * N).sum(axis=0)) + TINY)
@@ -83,44 +105,52 @@ def _frames_alone(nhat: Array, r: Array) -> Array:
     return np.stack([nhat, tangent, cross_first(nhat, tangent)], axis=1).T
 
 
-def _radii(lines: FacetTwists) -> Array:
-    """h(w) / |w| of the twists that `epsilon_bound` makes of lines, shape (2, T, 6, M).
+def _radii(families: FacetTwists) -> Array:
+    """Returns h(w) / |w| of the facet twists with h_k(w) = 1, shape (2, T, 6, M).
 
-    The twists themselves are not needed: squares of what is linear are quadratic forms. That is
-    less arithmetic, and costs digits where squares cancel.
+    Squared lengths are quadratic in the coefficients' factors s cos, s sin, s, 1 and t, so they
+    are computed without the twists themselves. That takes less arithmetic than `epsilon_bound`,
+    and loses digits where terms cancel.
     """
-    # From here on x is less by 1, so that h_k = 1 where (mu y)^2 + (mu z)^2 - x^2 vanishes.
-    first = lines.linear.copy()
+    # Let (x, y, z) be g_k in the frame of contact k, with 1 taken off x. Then h_k = 1 + x + mu
+    # |(y, z)| is 1 where (mu y)^2 + (mu z)^2 - x^2 = 0.
+    first = families.linear.copy()
     first[0, 3] -= 1.0
     second = first.copy()
     second[0] *= -1.0
-    second[1:3] *= lines.mu_k * lines.mu_k
-    (c, square), (b, slope), (a, curvature) = _forms(first, second, lines)
+    second[1:3] *= families.mu_k * families.mu_k
+    (c, square), (b, slope), (a, curvature) = _forms(first, second, families)
     discriminant = b * b - a * c
     roots = np.sqrt(np.maximum(discriminant, 0.0)) * _SIGNS.astype(b.dtype)
     over = 1.0 / not_flat(a)
     t = (roots - b) * over
     missed = np.maximum(-discriminant, 0.0) * over
-    x = combined(lines.points, first[0, :3]) * lines.s + first[0, 3]
+    x = combined(families.points, first[0, :3]) * families.s + first[0, 3]
     x_t = x + t * first[0, 4]
-    h = np.maximum(1.0 + x_t + np.sqrt(np.maximum(x_t * x_t + missed, 0.0)), lines.h_j)
+    h = np.maximum(1.0 + x_t + np.sqrt(np.maximum(x_t * x_t + missed, 0.0)), families.h_j)
     length = np.sqrt(np.maximum(square + t * (2.0 * slope + t * curvature), TINY))
     radii: Array = h / length
     return radii
 
 
-def _forms(first: Array, second: Array, lines: FacetTwists) -> tuple[Array, Array, Array]:
-    """Sums over g_k's rows and over the twist's of products of what is linear, (9, 5, 6, M) each.
+def _forms(first: Array, second: Array, families: FacetTwists) -> tuple[Array, Array, Array]:
+    """Returns c, b and a of the quadratic forms c + 2 b t + a t^2 of g_k and of w.
 
-    As c + 2 b t + a t^2: c and b have shape (2, T, 6, M), a has (2, 6, M). Of the two, one is the
-    other with rows multiplied.
+    Args:
+        first: coefficients as in `FacetTwists.linear`, shape (9, 5, 6, M).
+        second: the same with each row multiplied by a weight.
+        families: what the angles and s are taken from.
+
+    Returns:
+        Sums of the products of both, over the rows of g_k and over those of w: c and b have shape
+        (2, T, 6, M), a has shape (2, 6, M).
     """
     i, j = _PRODUCTS
     each = first.take(i, axis=1)
     each *= second.take(j, axis=1)
     products = np.stack([each[:3].sum(axis=0), each[3:].sum(axis=0)])
     with_1, with_t = products[:, 6:10], products[:, 10:]
-    points, s = lines.points, lines.s
+    points, s = families.points, families.s
     c = combined(_squares_of_rim(), products[:, :6])
     c *= s
     c += combined(2.0 * points, with_1[:, :3])
@@ -134,6 +164,6 @@ def _forms(first: Array, second: Array, lines: FacetTwists) -> tuple[Array, Arra
 
 @cache
 def _squares_of_rim() -> Array:
-    """Products of two of each point's cos, sin and 1, as often as they occur, shape (T, 6)."""
-    points, (i, j) = rim(COARSE_TURNS), _PRODUCTS[:, :6]
+    """Returns the six products of cos, sin and 1 in the square of their sum, shape (T, 6)."""
+    points, (i, j) = rim(FEW_ANGLES), _PRODUCTS[:, :6]
     return frozen(points[:, i] * points[:, j] * np.where(i == j, 1.0, 2.0))

@@ -1,7 +1,9 @@
-"""Twists that hold one contact's disc in a facet of W: where W reaches least far, nearly always.
+"""Candidate minimisers of h(w): twists whose supporting facet of W contains a whole friction disc.
 
-Arrays of lines have grasps last and components first, so that what is computed for all grasps is
-contiguous; W and h are those of `contacts`. All is computed in the precision of what it is given.
+The facet of W nearest to the origin, whose distance is epsilon, almost always has this form.
+
+Arrays here have components first and grasps last, so that operations on all grasps run over
+contiguous memory. The precision of the results is that of the arguments.
 """
 
 from __future__ import annotations
@@ -16,35 +18,36 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.vectors import circle, cross_first
 
 CHUNK = 256
-"""Grasps at a time, which keeps the arrays of their twists in the cache."""
+"""Number of grasps processed together, so that their twists stay in the processor's cache."""
 TINY = 1e-30
 """Keeps divisions finite, in single precision too."""
-_SLOW = {"d": 1e-12, "f": 1e-6}
-"""Ours: rates of less count as this much, by precision."""
-_FLAT = {"d": 1e-100, "f": 1e-10}
-"""Ours: curvatures of less count as this much, by precision."""
+_LEAST_RATE = {"d": 1e-12, "f": 1e-6}
+"""Our choice, by precision: divisors of smaller magnitude are replaced by this one."""
+_LEAST_CURVATURE = {"d": 1e-100, "f": 1e-10}
+"""Our choice, by precision: coefficients of t^2 of smaller magnitude are replaced by this one."""
 _ORDERS = np.array(list(itertools.permutations(range(3)))).T
 
 
 @dataclass(frozen=True, eq=False)
 class FacetTwists:
-    """FacetTwists of twists at which one contact's disc lies in a facet of W.
+    """Families of twists w(t), each with the friction disc of one contact in its supporting facet.
 
-    A contact's part of W is a disc, the wrenches of its cone with normal force 1. The facet
-    nearest to the origin nearly always holds the disc of some contact i and touches the rims of
-    the others, j and k, in a point each. Seen as a twist with velocities g at the contacts, such
-    a w has g_i = n_i, and g_j and g_k with h = 1. Rigidity leaves a turn t about r_ij, by which
-    g_k is brought to h_k = 1, and the angle of the point on rim j, of which T are tried, with
-    g_j = n_j + s (cos t_1 + sin t_2 - mu_j n_j). (i, j, k) are all permutations.
+    A family belongs to a permutation (i, j, k) of the contacts, six in all, and to one of T angles
+    theta on the rim of contact j's disc. A twist w gives the contacts velocities g_i, g_j and g_k:
+
+    - g_i = n_i, so that w . x = 1 on the whole disc of contact i;
+    - g_j = n_j + s (cos(theta) t_1 + sin(theta) t_2 - mu_j n_j), so that, for s >= 0, h_j(w) = 1,
+      attained at the angle theta of the rim. The body is rigid, which determines s;
+    - t is free: the rate of a rotation about the line through contacts i and j, which leaves g_i
+      and g_j alone. The facet also touches the disc of contact k where t makes h_k(w) = 1.
 
     Attributes:
-        linear: what multiplies s cos, s sin, s, 1 and t, shape (9, 5, 6, M). Rows are x, y, z of
-            g_k in k's own frame, then the twist: velocity of the centre of mass and rho times
-            angular velocity.
-        points: cos, sin and 1 of the angles, shape (T, 3).
-        s: where rigidity puts g_j, shape (T, 6, M).
-        h_j: what h is at contact j, where it is 1 at contact i, shape (T, 6, M).
-        mu_k: shape (6, M).
+        linear: coefficients of s cos(theta), s sin(theta), s, 1 and t, shape (9, 5, 6, M): those of
+            g_k in the frame of contact k in the first three rows, those of w in the other six.
+        points: (cos(theta), sin(theta), 1) of the angles, shape (T, 3).
+        s: the value of s that rigidity requires, of either sign, shape (T, 6, M).
+        h_j: h_j(w), which is above 1 where s < 0, shape (T, 6, M).
+        mu_k: friction coefficient of contact k, shape (6, M).
     """
 
     linear: Array
@@ -54,14 +57,14 @@ class FacetTwists:
     mu_k: Array
 
 
-def facet_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> FacetTwists:
-    """The lines of grasps.
+def facet_twists(frames: Array, r: Array, mu: Array, num_angles: int) -> FacetTwists:
+    """Returns the families of facet twists of M grasps.
 
     Args:
-        frames: of contacts, as of `contacts.contact_frames`, shape (M, 3, 3, 3).
-        r: points from the centre of mass over rho, shape (M, 3, 3).
+        frames: contact frames as `contacts.contact_frames` returns them, shape (M, 3, 3, 3).
+        r: contact points from the centre of mass, divided by rho, shape (M, 3, 3).
         mu: friction coefficients, shape (M, 3).
-        num_turns: T, how many angles are tried.
+        num_angles: T, the number of angles on each rim.
     """
     frames, r, mu = grasps_last(frames), grasps_last(r), grasps_last(mu)
     i, j, k = _ORDERS
@@ -82,32 +85,49 @@ def facet_twists(frames: Array, r: Array, mu: Array, num_turns: int) -> FacetTwi
     g_k[:, 3] += n_i
     linear[:3] = (frames.take(k, axis=2)[:, :, None] * g_k[:, None]).sum(axis=0)
     # Rigidity: (g_j - n_i) . r_ij = 0.
-    points, rate = rim(num_turns), (change * r_ij[:, None]).sum(axis=0)
+    points, rate = rim(num_angles), (change * r_ij[:, None]).sum(axis=0)
     turning = combined(points, rate[:3])
-    level = _SLOW[turning.dtype.char]
+    level = _LEAST_RATE[turning.dtype.char]
     s = -rate[3] / np.where(np.abs(turning) < level, level, turning)
     return FacetTwists(linear, points, s, 1.0 + mu_j * (np.abs(s) - s), mu.take(k, axis=0))
 
 
 def grasps_last(values: Array) -> Array:
-    """The last axes of (M, contacts, ...) first: what is computed for all grasps is contiguous."""
+    """Returns a contiguous copy with the axes reversed, so that grasps come last.
+
+    Args:
+        values: values of grasps, shape (M, contacts, ...).
+    """
     return np.ascontiguousarray(values.T)
 
 
 def chunks(num: int) -> list[slice]:
-    """Rows of `CHUNK` grasps each, one slice at least."""
+    """Returns slices of `CHUNK` rows that together cover all grasps, at least one slice.
+
+    Args:
+        num: number of grasps.
+    """
     return [slice(first, first + CHUNK) for first in range(0, max(num, 1), CHUNK)]
 
 
 @cache
-def rim(num_turns: int) -> Array:
-    """Points (cos, sin, 1) around a unit circle, shape (num_turns, 3)."""
-    points = circle(2 * np.pi * (np.arange(num_turns) + 0.5) / num_turns)
-    return frozen(np.column_stack([points, np.ones(num_turns)]))
+def rim(num_angles: int) -> Array:
+    """Returns (cos, sin, 1) of angles spaced evenly around the circle, shape (num_angles, 3).
+
+    Args:
+        num_angles: number of angles.
+    """
+    points = circle(2 * np.pi * (np.arange(num_angles) + 0.5) / num_angles)
+    return frozen(np.column_stack([points, np.ones(num_angles)]))
 
 
 def combined(weights: Array, values: Array) -> Array:
-    """Weighted sums, (T, K) of (..., K, 6, M) to (..., T, 6, M)."""
+    """Returns sums of values with T sets of weights, shape (..., T, 6, M).
+
+    Args:
+        weights: shape (T, K).
+        values: shape (..., K, 6, M).
+    """
     *shape, K, L, M = values.shape
     flat = values.reshape(*shape, K, L * M)
     sums: Array = np.einsum("tk,...kn->...tn", weights.astype(values.dtype), flat)
@@ -115,6 +135,10 @@ def combined(weights: Array, values: Array) -> Array:
 
 
 def not_flat(a: Array) -> Array:
-    """The curvatures, kept off zero to divide by."""
-    level = _FLAT[a.dtype.char]
+    """Returns coefficients with those near zero replaced, so that they can be divided by.
+
+    Args:
+        a: coefficients of t^2, of any shape.
+    """
+    level = _LEAST_CURVATURE[a.dtype.char]
     return np.where(np.abs(a) < level, level, a)

@@ -1,10 +1,8 @@
-"""The least support h(w) over regions of contacts, tilts of normals and centres of mass.
+"""The least support h(w) over errors in contact points, contact normals and the centre of mass.
 
-Wrenches and twists w = (v, omega) are those of the room: v pairs with forces and omega with
-torques about the nominal centre of mass over rho. A contact at r [rho] from it moves with velocity
-u = v + omega x r, and its friction cone reaches h = nhat.u + mu |u - (nhat.u) nhat| along w. For
-fixed w each contact's worst place is its own affair: the least h of W over all placements is the
-greatest of the contacts' least. Everything here is for many w at once.
+For fixed w the contacts' errors act independently: the least h(w) over all placements is the
+greatest of the least h_i(w) of the single contacts. The functions take K twists w at once and
+S contacts at once; torques are about the nominal centre of mass.
 """
 
 from __future__ import annotations
@@ -18,25 +16,27 @@ from drake_polygrasp.vectors import cross, dot, unit
 from drake_polygrasp.wrenches.facet_twists import TINY
 
 _TILTED_ROUNDS = 2
-"""Ours: places and tilts are chosen in turn; the second round lowers h by 1e-4 of it at most."""
+"""Our choice: points and normals are minimised over in turn; the second round lowers h by a factor
+of at most 1e-4."""
 
 
 def least_support(w: Array, r_V: Array, nhat: Array, mu: Array) -> tuple[Array, Array]:
-    """Returns the least h(w) of a contact anywhere in a flat convex polygon, in closed form.
+    """Returns the least h_i(w) of a contact anywhere in a plane convex polygon, in closed form.
 
-    Along an edge h is linear plus mu times the root of a quadratic. Inside, h is linear on rays
-    from the point that has no tangential velocity: if the least is not there it is on an edge.
+    Along an edge, h_i is linear plus mu times the square root of a quadratic. Inside, h_i is linear
+    on rays from the point without tangential velocity, so the least is there or on an edge.
 
     Args:
         w: twists, shape (K, 6).
-        r_V: corners of S polygons in order, from the centre of mass over rho, shape (S, V, 3); a
-            corner may be repeated, and a polygon may be one point.
-        nhat: inward unit normals of the contact, which need not be the polygon's, shape (S, 3) or
+        r_V: corners of S polygons in order, from the centre of mass, divided by rho, shape
+            (S, V, 3); corners may be repeated, and a polygon may be a single point.
+        nhat: inward unit normals of the contacts, which need not be the polygons', shape (S, 3) or
             (K, S, 3).
         mu: friction coefficients, shape (S,).
 
     Returns:
-        The least h, shape (K, S), and a point that attains it, shape (K, S, 3).
+        The least h_i(w), shape (K, S), and a point that attains it, from the centre of mass,
+        divided by rho, shape (K, S, 3).
     """
     r = _candidate_places(w, r_V, np.broadcast_to(nhat, (len(w), *nhat.shape[-2:])), mu)
     u = _velocities(w, r)
@@ -44,22 +44,26 @@ def least_support(w: Array, r_V: Array, nhat: Array, mu: Array) -> tuple[Array, 
 
 
 def _velocities(w: Array, r: Array) -> Array:
-    """At points (K, S, N, 3)."""
+    """Returns the velocities u that twists (K, 6) give to points, both of shape (K, S, N, 3)."""
     return np.asarray(w[:, None, None, :3] + cross(w[:, None, None, 3:], r))
 
 
 def _least(h: Array, values: Array) -> tuple[Array, Array]:
-    """The least of each row, (K, S), and its value, (K, S, 3)."""
+    """Returns the least h of the last axis, shape (K, S), and the value with it, (K, S, 3)."""
     best = h.argmin(axis=-1)[..., None]
     attained = np.take_along_axis(values, best[..., None], 2)[:, :, 0]
     return np.take_along_axis(h, best, -1)[..., 0], attained
 
 
 def _candidate_places(w: Array, r_V: Array, nhat: Array, mu: Array) -> Array:
-    """Where h may be least: a point of each edge, and where nothing slips, (K, S, V + 1, 3)."""
+    """Returns points among which h_i is least: one on each edge, and one without slip.
+
+    Returns:
+        Shape (K, S, V + 1, 3).
+    """
     v, omega = w[:, None, :3], w[:, None, 3:]
     sides = np.roll(r_V, -1, axis=-2) - r_V
-    # (K, S, V, 3): the velocity at each corner, and its change along each edge.
+    # The velocity at each corner, and its change along each edge, shape (K, S, V, 3).
     u = v[:, :, None] + cross(omega[:, :, None], r_V)
     du = cross(omega[:, :, None], sides)
     n = nhat[:, :, None]
@@ -67,11 +71,13 @@ def _candidate_places(w: Array, r_V: Array, nhat: Array, mu: Array) -> Array:
     t, dt = u - push[..., None] * n, du - slope[..., None] * n
     q_0, q_1, q_2 = dot(t, t), dot(t, dt), dot(dt, dt)
     with np.errstate(all="ignore"):
+        # The slip at s on an edge is the root of q_0 + 2 q_1 s + q_2 s^2, least at `middle`. Where
+        # friction grows faster than the push falls, h is least `offset` beyond; else h is monotone.
         middle = -q_1 / q_2
-        missed = np.sqrt(np.maximum(q_0 - q_1 * q_1 / q_2, 0.0))
-        room = mu[:, None] ** 2 * q_2 - slope * slope
-        aside = -slope * missed / np.sqrt(q_2 * room)
-        s = middle + np.where(room > 0, aside, -np.sign(slope) * np.inf)
+        least_slip = np.sqrt(np.maximum(q_0 - q_1 * q_1 / q_2, 0.0))
+        excess = mu[:, None] ** 2 * q_2 - slope * slope
+        offset = -slope * least_slip / np.sqrt(q_2 * excess)
+        s = middle + np.where(excess > 0, offset, -np.sign(slope) * np.inf)
     s = np.where(q_2 > TINY, s, np.where(slope < 0, 1.0, 0.0))
     s = np.clip(np.nan_to_num(s), 0.0, 1.0)[..., None]
     still = _still_points(v, omega, r_V, nhat)
@@ -79,6 +85,7 @@ def _candidate_places(w: Array, r_V: Array, nhat: Array, mu: Array) -> Array:
 
 
 def _support_at(u: Array, nhat: Array, mu: Array) -> Array:
+    """Returns h_i of contacts that move with velocities u."""
     push = dot(u, nhat)
     t = u - push[..., None] * nhat
     h: Array = push + mu * np.sqrt(dot(t, t))
@@ -86,10 +93,11 @@ def _support_at(u: Array, nhat: Array, mu: Array) -> Array:
 
 
 def _still_points(v: Array, omega: Array, r_V: Array, nhat: Array) -> Array:
-    """Points of the polygons that have no tangential velocity, else a corner, (K, S, 3)."""
+    """Returns the point of each polygon without tangential velocity, else a corner, (K, S, 3)."""
     first = r_V[:, 0]
     spokes = r_V - first[:, None]
-    # The first side may be short or null; the longest spoke and what is left beside it are not.
+    # The first side may have no length, so the axes of the plane come from the farthest corner and
+    # the one farthest to its side.
     far = dot(spokes, spokes).argmax(axis=1)
     e_1 = unit(np.take_along_axis(spokes, far[:, None, None], 1)[:, 0])
     beside = spokes - dot(spokes, e_1[:, None])[..., None] * e_1[:, None]
@@ -111,16 +119,20 @@ def _still_points(v: Array, omega: Array, r_V: Array, nhat: Array) -> Array:
 
 
 def worst_normals(u: Array, nhat: Array, mu: Array, tilt: float) -> Array:
-    """Returns the unit normals within an angle of given ones that make h least.
+    """Returns the unit normals within an angle of the given ones that make h_i least.
 
-    h depends on the angle between normal and velocity alone and is concave in it, so that the
-    least is where the angle is greatest or least.
+    h_i depends on the normal only through the angle between normal and velocity. As the angle
+    grows from 0 to pi, h_i rises and then falls, so the least is at the smallest or the largest
+    angle that is allowed.
 
     Args:
         u: velocities at the contacts, shape (..., 3).
-        nhat: unit normals, shape (..., 3).
+        nhat: inward unit normals, shape (..., 3).
         mu: friction coefficients, shape (...).
-        tilt: the angle [rad].
+        tilt: greatest angle between a returned normal and the given one [rad].
+
+    Returns:
+        Shape (..., 3).
     """
     push = dot(u, nhat)
     t = u - push[..., None] * nhat
@@ -129,7 +141,7 @@ def worst_normals(u: Array, nhat: Array, mu: Array, tilt: float) -> Array:
     axis = np.eye(3)[np.abs(nhat).argmin(axis=-1)]
     across = np.where(still[..., None], cross(nhat, axis), t)
     across = unit(across)
-    # No further than to the velocity or its opposite.
+    # A normal turns no further than onto the line of the velocity.
     length = np.sqrt(push * push + slip * slip)
     near = slip < math.tan(tilt) * np.abs(push)
     safe = np.where(near, length, 1.0)
@@ -150,13 +162,22 @@ def worst_normals(u: Array, nhat: Array, mu: Array, tilt: float) -> Array:
 def least_tilted_support(
     w: Array, r_V: Array, nhat: Array, mu: Array, tilt: float
 ) -> tuple[Array, Array, Array]:
-    """Returns a small h(w) of a contact in a polygon with a normal that may tilt.
+    """Returns a small h_i(w) of a contact anywhere in a polygon with a normal that may tilt.
 
-    Arguments as in `least_support`, and the greatest tilt [rad]. What is returned is attained by
-    the place and normal returned with it; without tilt it is the least.
+    It is an upper bound of the least h_i(w), attained by the point and the normal returned with
+    it; without tilt it is the least.
+
+    Args:
+        w: twists, shape (K, 6).
+        r_V: corners of S convex polygons in order, from the centre of mass, divided by rho, shape
+            (S, V, 3).
+        nhat: inward unit normals of the contacts, shape (S, 3) or (K, S, 3).
+        mu: friction coefficients, shape (S,).
+        tilt: greatest angle between a normal and `nhat` [rad].
 
     Returns:
-        h, shape (K, S), the places, shape (K, S, 3), and the normals, shape (K, S, 3).
+        h_i(w), shape (K, S), the points, from the centre of mass, divided by rho, shape (K, S, 3),
+        and the normals, shape (K, S, 3).
     """
     if tilt <= 0.0:
         h, places = least_support(w, r_V, nhat, mu)
@@ -174,16 +195,17 @@ def least_tilted_support(
 
 
 def load_reach(w: Array, com_error: float, *, forces_only: bool = False) -> Array:
-    """Returns the greatest pairing of w with a unit load about any centre of mass near by.
+    """Returns the greatest power of a unit load under w where the centre of mass may be off.
 
-    A wrench q about a centre of mass that is off by d pairs with (v + omega x d, omega), so this
-    is the greatest length of that over |d| <= com_error: a norm, at least |w|.
+    A load about a centre of mass that is off by d has the power of the same load about the nominal
+    one under the twist (v + omega x d, omega). The greatest power is the greatest length of that
+    twist over |d| <= com_error: a norm of w, at least |w|.
 
     Args:
         w: twists, shape (K, 6).
-        com_error: how far the centre of mass may be off, over rho.
+        com_error: greatest distance of the centre of mass from the nominal one, divided by rho.
         forces_only: whether loads are forces through the centre of mass, without torque; the
-            length is then that of v + omega x d.
+            length is then that of v + omega x d alone.
 
     Returns:
         Shape (K,).
@@ -198,7 +220,16 @@ def load_reach(w: Array, com_error: float, *, forces_only: bool = False) -> Arra
 
 
 def worst_centres_of_mass(w: Array, com_error: float) -> Array:
-    """Returns the errors d of the centre of mass, over rho, that attain `load_reach`, (K, 3)."""
+    """Returns the errors d of the centre of mass that attain `load_reach`.
+
+    Args:
+        w: twists, shape (K, 6).
+        com_error: greatest distance of the centre of mass from the nominal one, divided by rho.
+
+    Returns:
+        From the nominal centre of mass, divided by rho, shape (K, 3). Zero where v and omega are
+        parallel, where any d across omega would attain it.
+    """
     v, omega = w[:, :3], w[:, 3:]
     spin = dot(omega, omega)
     safe = np.where(spin > 0, spin, 1.0)

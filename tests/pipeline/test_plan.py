@@ -26,7 +26,7 @@ from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
 from drake_polygrasp.pipeline.request import TIP_RADIUS
 from drake_polygrasp.search.selection import Steps
 from drake_polygrasp.search.triples import Triples
-from drake_polygrasp.wrenches.epsilon_bound import COARSE_TURNS, epsilon_upper_bound
+from drake_polygrasp.wrenches.epsilon_bound import FEW_ANGLES, epsilon_upper_bound
 from tests.support.convex_polyhedra import holed_prism, prism, tangent_polyhedron
 from tests.support.lp_judge import is_force_closure
 from tests.support.solids import cube, regular_prism, solid
@@ -244,7 +244,7 @@ def test_quick_bounds_are_those_of_the_contacts_that_are_judged() -> None:
     """On flat faces, where the planes of faces are the true surface."""
     object_ = cube()
     work, bound = proposals.quick(request_of(object_), 3)
-    anew = epsilon_upper_bound(*work.contacts, object_.p_BBcm, object_.rho, COARSE_TURNS)
+    anew = epsilon_upper_bound(*work.contacts, object_.p_BBcm, object_.rho, FEW_ANGLES)
     assert len(bound) == len(anew) > 3
     assert bound == pytest.approx(anew, rel=1e-4)
 

@@ -24,7 +24,7 @@ from drake_polygrasp.search.selection import best_first, best_places, estimates,
 from drake_polygrasp.search.triples import Triples
 from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import (
-    COARSE_TURNS,
+    FEW_ANGLES,
     critical_directions,
     epsilon_upper_bound,
 )
@@ -269,7 +269,7 @@ def test_estimates_are_the_coarse_bounds_of_what_holds(
     holds = force_closure(*contacts)
     p_BC, nhat, mu = (values[holds] for values in contacts)
     scale = np.array([0.01, -0.02, 0.005]), np.linalg.norm(p_BC, axis=-1).max()
-    bound = epsilon_upper_bound(p_BC, nhat, mu, *scale, COARSE_TURNS)
+    bound = epsilon_upper_bound(p_BC, nhat, mu, *scale, FEW_ANGLES)
     error = epsilon_estimates(p_BC, nhat, mu, *scale) / bound - 1
     assert len(error) > 100
     assert np.quantile(np.abs(error), 0.9) < 1e-4
@@ -280,7 +280,7 @@ def test_estimates_are_the_least_radii_of_lines() -> None:
     contacts = random_contacts(700, seed=6)  # several chunks
     estimate = epsilon_estimates(*contacts, np.zeros(3), 1.0)
     radii = radii_of_lines(*contacts, np.zeros(3), 1.0)
-    assert radii.shape == (700, 2 * 6 * COARSE_TURNS)
+    assert radii.shape == (700, 2 * 6 * FEW_ANGLES)
     assert np.maximum(radii.min(axis=1), 0.0) == pytest.approx(estimate, rel=1e-5)
 
 

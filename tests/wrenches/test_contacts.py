@@ -13,8 +13,8 @@ from drake_polygrasp.wrenches.contacts import (
     non_collinear,
 )
 from drake_polygrasp.wrenches.epsilon_bound import (
-    COARSE_TURNS,
-    TURNS,
+    FEW_ANGLES,
+    NUM_ANGLES,
     critical_directions,
     epsilon_upper_bound,
 )
@@ -186,18 +186,18 @@ def test_no_direction_is_below_the_upper_bound_by_much_and_none_that_holds_has_z
     assert (bound < sampled).mean() > 0.95
 
 
-@pytest.mark.parametrize("num_turns", [COARSE_TURNS, TURNS])
+@pytest.mark.parametrize("num_angles", [FEW_ANGLES, NUM_ANGLES])
 @pytest.mark.parametrize("contacts", [random_contacts(400, seed=8), lattice_contacts(700, seed=8)])
-def test_the_upper_bound_is_the_support_in_the_direction_where_it_is_attained(contacts, num_turns):
+def test_the_upper_bound_is_the_support_in_the_direction_where_it_is_attained(contacts, num_angles):
     spread = non_collinear(contacts[0])
     p, n, mu = (values[spread] for values in contacts)
     scale = np.array([0.01, -0.02, 0.005]), np.linalg.norm(p, axis=-1).max()
-    w, least = critical_directions(p, n, mu, *scale, num_turns=num_turns)
+    w, least = critical_directions(p, n, mu, *scale, num_angles=num_angles)
     h, _ = support(cone_wrenches(p, n, mu, *scale), w)
     attained = np.maximum(h.max(axis=-1).min(axis=1), 0.0)
     np.testing.assert_allclose(np.linalg.norm(w, axis=-1), 1.0)
     np.testing.assert_allclose(least, attained, rtol=0, atol=1e-9)
-    bound = epsilon_upper_bound(p, n, mu, *scale, num_turns)
+    bound = epsilon_upper_bound(p, n, mu, *scale, num_angles)
     np.testing.assert_allclose(bound, attained, rtol=0, atol=1e-9)
 
 
