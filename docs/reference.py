@@ -32,7 +32,6 @@ PAGES = {
         "visualization",
         "wrenches",
     ),
-    "drake_polygrasp.exporters": ("directives",),
     "drake_polygrasp.files": ("grasp_file", "stated_grasp"),
     "drake_polygrasp.geometry": ("polyhedron", "primitives", "regions"),
     "drake_polygrasp.optimality": ("gap",),

@@ -16,7 +16,6 @@ PACKAGE = Path(drake_polygrasp.__file__).parent
 WAITING = {
     "certification",
     "cli",
-    "exporters",
     "files",
     "geometry",
     "loading",

@@ -1,4 +1,4 @@
-"""`polygrasp export`: its options and its call."""
+"""`polygrasp export`: its options, one for each format, and its call."""
 
 from __future__ import annotations
 
@@ -8,29 +8,36 @@ from typing import Any
 
 from drake_polygrasp.cli.options import add_command
 from drake_polygrasp.cli.reporting import DONE
+from drake_polygrasp.exporters import FORMATS
 
 
 def add_export(commands: Any) -> None:
-    """Adds the subcommand to those of the parser."""
-    parser = add_command(
-        commands, "export", "Write the contact frames of a grasp file for Drake's pipelines."
-    )
+    """Adds the subcommand.
+
+    Args:
+        commands: subparsers of the command's parser.
+    """
+    parser = add_command(commands, "export", "Write a grasp file in the format of another program.")
     parser.add_argument("file", metavar="FILE", type=Path, help="a grasp file")
-    parser.add_argument(
-        "--directives",
-        metavar="OUT.dmd.yaml",
-        type=Path,
-        required=True,
-        help="model directives that add contact and fingertip frames to the model, which must be "
-        "in the plant already",
-    )
+    formats = parser.add_mutually_exclusive_group(required=True)
+    for name, (ending, what) in FORMATS.items():
+        option = f"--{name.replace('_', '-')}"
+        formats.add_argument(option, metavar=f"OUT.{ending}", type=Path, help=what)
 
 
 def run_export(arguments: argparse.Namespace) -> tuple[int, str]:
-    """Returns the exit code and what to print."""
-    from drake_polygrasp.exporters.directives import export_directives
+    """Runs the subcommand.
+
+    Args:
+        arguments: its parsed arguments.
+
+    Returns:
+        The exit code and what to print.
+    """
+    from drake_polygrasp import exporters
     from drake_polygrasp.files.grasp_file import load_grasps
 
-    file = load_grasps(arguments.file)
-    export_directives(file, arguments.directives)
-    return DONE, f"wrote {arguments.directives}"
+    name = next(name for name in FORMATS if getattr(arguments, name) is not None)
+    output = getattr(arguments, name)
+    getattr(exporters, f"export_{name}")(load_grasps(arguments.file), output)
+    return DONE, f"wrote {output}"

@@ -1,4 +1,4 @@
-"""Contact and fingertip frames of a grasp file as Drake's model directives.
+"""Exports the contact and fingertip frames of a grasp file as Drake's model directives.
 
 The directives add frames to a model that is in the plant already, under the name that the grasp
 file gives it: add the model first, then these.
@@ -14,18 +14,25 @@ from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import AddFrame, ModelDirective, ModelDirectives
 
-from drake_polygrasp.arguments import check_instance, check_path
-from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.exporters.writing import write_export
 from drake_polygrasp.files.stated_grasp import GraspFile
 from drake_polygrasp.grasp import AnyGrasp, Grasp, grasp_of
 from drake_polygrasp.wrenches.contacts import contact_frames
 
 
 def contact_poses(grasp: AnyGrasp) -> tuple[RigidTransform, RigidTransform, RigidTransform]:
-    """Returns X_BC of each contact frame C: Cz pushes into the object, Cx crosses the grasp plane.
+    """Returns the pose X_BC of each contact frame C in body frame B.
+
+    C's origin is the contact point. Cz is the inward normal, along which the fingertip pushes; Cx
+    is normal to the grasp plane, as far as Cz allows.
+
+        X_WC = [X_WB @ X_BC for X_BC in contact_poses(plan.grasps[0])]
 
     Args:
-        grasp: three contacts; of a plan or of a file, with their certificate, too.
+        grasp: three contacts, alone or with their certificate.
+
+    Returns:
+        The poses of contacts 1, 2 and 3.
 
     Raises:
         UsageError: when it is no grasp.
@@ -39,19 +46,42 @@ def contact_poses(grasp: AnyGrasp) -> tuple[RigidTransform, RigidTransform, Rigi
     return poses[0], poses[1], poses[2]
 
 
-def grasp_directives(file: GraspFile) -> ModelDirectives:
-    """Frames `grasp_R_contact_I`, and `grasp_R_tip_I` at the centre of the plan's fingertip.
+def export_directives(file: GraspFile, output: Path | str) -> None:
+    """Writes the contact and fingertip frames of a grasp file as model directives.
 
-    Of the grasp of rank R, from 1, and its contacts I from 1 to 3, on the body that the file names.
+    For the grasp of rank R (from 1) and its contact I (1 to 3) they add frame `grasp_R_contact_I`,
+    as `contact_poses` has it, and `grasp_R_tip_I`, the same frame at the centre of a fingertip of
+    the plan's radius, to the body that the file names. Its model must be in the plant already:
+
+        export_directives(load_grasps("box.grasp.yaml"), "box.dmd.yaml")
+        parser.AddModels("box.sdf")
+        ProcessModelDirectives(LoadModelDirectives("box.dmd.yaml"), parser)
+
+    Verdicts of a plant that the file states are written as comments, for directives have no place
+    for them.
+
+    Args:
+        file: the grasp file, as `load_grasps` returns it.
+        output: file of model directives to write.
+
+    Raises:
+        UsageError: when an argument has the wrong type.
+        GraspFileError: when `output` cannot be written, or is the grasp file.
     """
+    write_export(file, output, _render)
+
+
+def _render(file: GraspFile) -> str:
     radius = file.plan.get("tip_radius", 0.0)
-    return ModelDirectives(
+    directives = ModelDirectives(
         directives=[
             ModelDirective(add_frame=frame)
             for rank, stated in enumerate(file.grasps, start=1)
             for frame in _grasp_frames(file, f"grasp_{rank}", stated.grasp, radius)
         ]
     )
+    comments = "".join(_plant_comments(file))
+    return f"{comments}{yaml_dump_typed(directives)}"
 
 
 def _grasp_frames(file: GraspFile, name: str, grasp: Grasp, radius: float) -> Iterator[AddFrame]:
@@ -62,31 +92,6 @@ def _grasp_frames(file: GraspFile, name: str, grasp: Grasp, radius: float) -> It
             X_PF = Transform(X_BF)
             X_PF.base_frame = body
             yield AddFrame(name=f"{name}_{kind}_{i}", X_PF=X_PF)
-
-
-def export_directives(file: GraspFile, output: Path | str) -> None:
-    """Writes `grasp_directives` to a file for `LoadModelDirectives`.
-
-    What a plant said of the grasps stands above them in comments, for directives have no place
-    for it.
-
-    Args:
-        file: from `load_grasps`.
-        output: the model directives.
-
-    Raises:
-        UsageError: when an argument is not what it may be.
-        GraspFileError: when `output` cannot be written, or would be the grasp file.
-    """
-    check_instance("file", file, GraspFile, "as load_grasps returns it")
-    output = Path(check_path("output", output))
-    if output.exists() and output.samefile(file.path):
-        raise GraspFileError(f"{output}: is the grasp file; name another for the directives")
-    try:
-        text = "".join(_plant_comments(file)) + yaml_dump_typed(grasp_directives(file))
-        output.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise GraspFileError(f"{output}: cannot be written: {error.strerror}") from error
 
 
 def _plant_comments(file: GraspFile) -> Iterator[str]:

@@ -9,7 +9,7 @@ import pytest
 from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelDirectives
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_polygrasp import GraspFileError, contact_poses, export_directives, load_grasps
+from drake_polygrasp import contact_poses, load_grasps
 from drake_polygrasp.cli.main import main
 from tests.support.common import grasp, random_contacts
 from tests.support.grasp_files import write_box
@@ -53,15 +53,3 @@ def test_contact_frames_push_into_the_object() -> None:
             assert X_BC.rotation().IsValid()
             np.testing.assert_allclose(X_BC.translation(), p)
             np.testing.assert_allclose(X_BC.rotation().col(2), nhat, atol=1e-12)
-
-
-def test_directives_never_replace_the_grasp_file(box: Path) -> None:
-    before = box.read_bytes()
-    with pytest.raises(GraspFileError, match="is the grasp file"):
-        export_directives(load_grasps(box), box)
-    assert box.read_bytes() == before
-
-
-def test_directives_that_cannot_be_written_are_an_error(box: Path) -> None:
-    with pytest.raises(GraspFileError, match="cannot be written"):
-        export_directives(load_grasps(box), box.parent / "no" / "such.dmd.yaml")
