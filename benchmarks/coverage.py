@@ -64,7 +64,8 @@ class Comparison:
 
     def misses(self, other: str) -> bool:
         """Whether the default finds no grasp and the other does."""
-        return self.default == 0 < getattr(self, other)
+        theirs: float = getattr(self, other)
+        return self.default == 0 < theirs
 
 
 def compare(subject: HardObject) -> Comparison:

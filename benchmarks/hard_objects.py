@@ -124,7 +124,8 @@ def _gear(seed: int) -> list[Array]:
 
 def _box(lower: tuple[float, float, float], upper: tuple[float, float, float]) -> Array:
     low, high = np.array(lower), np.array(upper)
-    return low + prism(shapely.box(0, 0, 1, 1), 1.0) * (high - low)
+    triangles: Array = low + prism(shapely.box(0, 0, 1, 1), 1.0) * (high - low)
+    return triangles
 
 
 def _tray(seed: int) -> list[Array]:

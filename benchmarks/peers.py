@@ -240,7 +240,7 @@ def is_proved(object_: GraspObject, triple: Triples, face: Ints, tip_radius: flo
     fits = fingertip_fits(object_.polyhedron, *contacts, tip_radius)
     if not (projected.ok & on_face & fits).all():
         return False
-    (proof,) = prove_many(*(values[None] for values in contacts), triple.mu)
+    (proof,) = prove_many(projected.p_BC[None], projected.nhat_TB_B[None], triple.mu)
     return proof.verdict is Verdict.HOLDS
 
 
