@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +38,7 @@ from tests.support.convex_polyhedra import holed_prism
 from tests.support.solids import cube, solid
 
 ROOT = Path(__file__).resolve().parents[1]
+DOCS = (ROOT / "README.md", *(ROOT / "docs").glob("*.md"))
 
 
 def rng() -> np.random.Generator:
@@ -222,3 +224,16 @@ def test_the_grasps_of_a_scan_are_counted_and_asked_about() -> None:
     assert (found.num_grasps, found.faults) == (2, [])
     assert found.epsilon is not None
     assert found.epsilon > 0.05
+
+
+def test_the_documentation_s_commands_take_the_options_that_it_gives_them() -> None:
+    pages = [path.read_text() for path in (ROOT / "benchmarks" / "README.md", *DOCS)]
+    found = re.findall(r"python -m benchmarks\.(\w+)([^`\n|]*)", "\n".join(pages))
+    options: dict[str, set[str]] = {}
+    for module, rest in found:
+        options.setdefault(module, set()).update(re.findall(r"--[\w-]+", rest))
+    assert len(options) >= 6
+    for module, given in options.items():
+        command = [sys.executable, "-m", f"benchmarks.{module}", "--help"]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+        assert given <= set(re.findall(r"--[\w-]+", done.stdout)), module
