@@ -20,7 +20,6 @@ WAITING = {
     "geometry",
     "loading",
     "optimality",
-    "paper",
     "pipeline",
     "plant",
     "search",

@@ -1,10 +1,11 @@
 """Section 7: the contact points on the segments a_i.
 
-Departures from the text: what 7.1 calls P_1 in its steps 3 to 5 is the point P_I where the three
-lines meet, and its "closest to a_2" is closest to c_a; 7.2's d_m is the distance of P_2 (not P_1)
-from L_p; distances and order are measured across n_bs, not along a tilted a_i; both pairings of
-sides with faces are tried; in 7.3 it suffices that a_2 has points on both sides of L_p, and P_1
-moves along a_1 until it has.
+Departures from the text. In 7.1, what steps 3 to 5 call P_1 is the point P_I where the three lines
+of force meet, and "closest to a_2" is read as closest to c_a, because a_2 depends on labels. In
+7.2, d_m is the distance of P_2 from L_p, as in 7.3, because that of P_1 is zero; both pairings of
+sides with faces are tried. Distances and order are measured across n_bs, because a tilted a_i would
+distort them. In 7.3, L_p may run through a hole of a_2: it is enough that a_2 has points on both
+sides, and P_1 moves along a_1 until it has.
 """
 
 from __future__ import annotations
@@ -25,23 +26,27 @@ from drake_polygrasp.paper.region_p import Cut, segment_hulls
 from drake_polygrasp.vectors import cross, dot
 
 HALF = 0.5
-"""The text's place of P_2 on its half of the segment: the middle."""
+"""The text's place of P_2 on its part of the segment: the middle."""
+SPREADS = (0.5, 0.9)
+"""Places that "enriched" tries, from 0 at L_p to 1 at the far end: the text's 0.5 halves the
+triangle that Section 6 wants large, and 0.9 holds better on most objects."""
 CLEARANCE = 0.02
-"""Part of a_2's extent that 7.3 keeps on each side of L_p, ours."""
+"""Our choice: share of a_2's extent that 7.3 keeps on each side of L_p."""
 EQUAL_AREA = 1e-9
-"""Relative, ours: triangles nearer than this in area are a tie."""
+"""Our choice, relative: triangles whose areas differ by less are a tie."""
 
 
 def nonparallel_contacts(cut: Cut, on: PlaneDirections, scale: Scale) -> Array:
-    """7.1: where lines along n'_i through one point P_I meet the segments a_i.
+    """Constructs the contacts of non-parallel sets: on lines along n'_i through one point (7.1).
 
     Args:
-        cut: M planes of non-parallel sets.
-        on: their directions on Pi_l.
+        cut: M planes of non-parallel sets, with their segments and P.
+        on: directions on Pi_l of the planes' sets.
         scale: the object's size.
 
     Returns:
-        p_BC [m], shape (M, 3, 3); NaN where a line misses its segment.
+        p_BC, contact points on A_1, A_2, A_3 expressed in B [m], shape (M, 3, 3); NaN where a line
+        misses its segment.
     """
     rows = np.arange(len(cut.owner))
     across = cross(cut.along_B, cut.nhat_B)
@@ -52,7 +57,7 @@ def nonparallel_contacts(cut: Cut, on: PlaneDirections, scale: Scale) -> Array:
     distance = np.abs(dot(on.that, offset[:, None]))
     nearest_line = distance <= distance.min(axis=1, keepdims=True) + scale.length_slack
     L_p = on.nprime[rows, np.argmax(nearest_line, axis=1)]
-    # Along L_p, from c_I^p at 0: P covers [low, high], and the middle of c_a c_I^p projects to:
+    # Positions along L_p from c_I^p: P covers [low, high], and P_m projects to `middle`.
     middle = dot(L_p, offset) / 2
     low, high = _reach_in_strips(cut, on, L_p)
     P_I = cut.p_Bc + np.clip(middle, low, high)[:, None] * L_p
@@ -65,7 +70,7 @@ def nonparallel_contacts(cut: Cut, on: PlaneDirections, scale: Scale) -> Array:
 
 
 def _reach_in_strips(cut: Cut, on: PlaneDirections, L_p: Array) -> tuple[Array, Array]:
-    """How far the line through c_I^p along L_p stays in P, backwards and forwards, (M,) each."""
+    """Computes the ends of L_p within P as signed distances from c_I^p [m], shape (M,) each."""
     ends = outer_ends(cut.segments.intervals)
     start = dot(on.that, cut.p_Bc[:, None])[..., None]
     rate = dot(on.that, L_p[:, None])[..., None]
@@ -77,9 +82,10 @@ def _reach_in_strips(cut: Cut, on: PlaneDirections, L_p: Array) -> tuple[Array, 
 
 
 def _concurrent(cut: Cut, on: PlaneDirections, P_I: Array, scale: Scale) -> tuple[Array, Bools]:
-    """Where lines through points P_I along n'_i meet the lines of a_i, and whether all hit a_i.
+    """Intersects lines along n'_i through points P_I with the lines of the segments a_i.
 
-    Of J points in each row, shape (M, J, 3): shapes (M, J, 3, 3) and (M, J).
+    For J points a row, shape (M, J, 3): the intersections, shape (M, J, 3, 3), and whether all
+    three lie on their segments, shape (M, J).
     """
     s = dot(on.that[:, None], P_I[:, :, None])
     points = cut.segments.p_BS[:, None] + s[..., None] * cut.segments.slope_B[:, None]
@@ -89,7 +95,7 @@ def _concurrent(cut: Cut, on: PlaneDirections, P_I: Array, scale: Scale) -> tupl
 
 
 def _triangle_holds(corners: Array, point: Array, N: Array, scale: Scale) -> Bools:
-    """Whether points lie in closed triangles of the planes with normal N."""
+    """Tests whether points lie in the closed triangles of three corners in planes of normal N."""
     side = corners[:, [1, 2, 0]] - corners
     left = dot(N[:, None], cross(side, point[:, None] - corners))
     slack = scale.length_slack * np.sqrt(dot(side, side))
@@ -99,17 +105,19 @@ def _triangle_holds(corners: Array, point: Array, N: Array, scale: Scale) -> Boo
 
 
 def opposed_contacts(cut: Cut, scale: Scale, spread: Array) -> Array:
-    """7.2 and 7.3: P_1 opposite the middle, P_2 and P_3 on either side of it.
+    """Constructs the contacts of parallel sets (7.2) and of pairs (7.3).
+
+    P_1 lies on a_1 near c_a; P_2 and P_3 lie on either side of L_p, the line of force through P_1.
 
     Args:
-        cut: M planes of parallel sets and pairs; 7.3 is for those whose a_2 is a_3.
+        cut: M planes of parallel sets and pairs; 7.3 applies where a_2 and a_3 are the same.
         scale: the object's size.
-        spread: place of P_2 on its half of the segments, 0 at L_p and 1 at the far end; 7.2 and
-            7.3 take `HALF`; shape (M,).
+        spread: place of P_2 on its part of the segments, from 0 at L_p to 1 at the far end, `HALF`
+            in the text, shape (M,).
 
     Returns:
-        p_BC [m], shape (M, 3, 3), ordered A_1, A_2, A_3 (pairs: the farther of P_2 and P_3 first);
-        NaN where no pairing leaves P_1 strictly between.
+        p_BC, contact points on A_1, A_2, A_3 expressed in B [m], shape (M, 3, 3); for pairs the
+        farther of P_2 and P_3 comes first. NaN where P_1 cannot be strictly between the others.
     """
     slack, rows = scale.length_slack, np.arange(len(cut.owner))
     across = cross(cut.along_B, cut.nhat_B)
@@ -123,7 +131,7 @@ def opposed_contacts(cut: Cut, scale: Scale, spread: Array) -> Array:
     x_1 = nearest(np.where(one_face[:, None, None], bounded, a_1), c_a, slack)
 
     d = _either_side(cut.segments.intervals[:, 1:] - x_1[:, None, None, None], spread, slack)
-    d[one_face, 1] = np.nan  # the same pairing again
+    d[one_face, 1] = np.nan  # On one face the second pairing equals the first.
     x = x_1[:, None, None] + d
     p_BC = cut.segments.p_BS[:, None] + x[..., None] * cut.segments.slope_B[:, None]
     normal = cross(p_BC[:, :, 1] - p_BC[:, :, 0], p_BC[:, :, 2] - p_BC[:, :, 0])
@@ -139,18 +147,20 @@ def opposed_contacts(cut: Cut, scale: Scale, spread: Array) -> Array:
 
 
 def _either_side(beyond: Array, spread: Array, slack: float) -> Array:
-    """P_2 and P_3 across n_bs: one left of L_p on one face, one right of it on the other.
+    """Places P_2 and P_3 on opposite sides of L_p, for both pairings of sides with faces.
 
     Args:
-        beyond: a_2 and a_3 from L_p on [m], shape (M, 2, S, 2).
-        spread: as of `opposed_contacts`, shape (M,).
-        slack: what is no distance [m].
+        beyond: segments a_2 and a_3 as signed distances from L_p, positive on its right [m], shape
+            (M, 2, S, 2).
+        spread: place of P_2 on its part of the segments, shape (M,).
+        slack: lengths below this are rounding errors [m].
 
     Returns:
-        How far right of L_p the contacts are [m], shape (M, 2, 3): at first P_2 is on the left,
-        then P_3. NaN where a side has no room.
+        Signed distances of P_1, P_2, P_3 from L_p [m], shape (M, 2, 3): P_2 on the left in the
+        first pairing, P_3 in the second. NaN where a side has no room.
     """
-    # Mirrored on the left, so that "farther" is greater on both: shape (M, side, pairing, S, 2).
+    # Distances on the left are mirrored, so that farther is greater on both sides; the axes are
+    # (M, side, pairing, S, 2).
     away = np.stack([-beyond[..., ::-1], beyond[:, ::-1]], axis=1)
     away = clip_intervals(away, np.zeros(1), np.full(1, np.inf), slack)
     near, far = np.moveaxis(outer_ends(away), -1, 0)
@@ -162,10 +172,3 @@ def _either_side(beyond: Array, spread: Array, slack: float) -> Array:
     d[:, 1, 1], d[:, 1, 2] = right[:, 1], -left[:, 1]
     d[~((left > slack) & (right > slack)), 1:] = np.nan
     return d
-
-
-SPREADS = (0.5, 0.9)
-"""Places of P_2 and P_3 on their halves of the segments, 1 at the far end.
-
-The text's 0.5 defeats its own aim of a large triangle; on most objects 0.9 holds better.
-"""

@@ -1,10 +1,10 @@
 """Section 5: orientation of the grasp plane Pi_p, the strip R^s that bounds it, and its position.
 
-A set may have several rows: where the text's choice is a tie that only labels would decide (which
-n'_i defines Pi_s, the longest of equal edges), each choice is a row and the set keeps the row of
-best quality. Other departures: where s_e or l_u does not exist (faces within faces, holes) a fan
-of eight directions stands in; the offset stays 2 percent inside R^s, because a centre of mass on
-its border would give a plane that grazes an edge.
+Where only labels would decide a choice of the text (which n'_i defines Pi_s, which of equally long
+edges is the longest), each choice is a row, and the set later keeps the row of best quality. Other
+departures: where s_e or l_u does not exist (one face inside the hole of another), a fan of eight
+directions replaces it; Pi_p stays 2 percent inside R^s, because a centre of mass on the border of
+R^s would give a plane that grazes an edge.
 """
 
 from __future__ import annotations
@@ -16,37 +16,39 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Batch, Bools, Ints, Shapes, gather
 from drake_polygrasp.geometry.regions import Boundary, Regions
-from drake_polygrasp.paper.planar import Scale, centroids, extents
+from drake_polygrasp.paper.planar import Scale, centroids, extents, line_through
 from drake_polygrasp.paper.position import Opposed, PlaneDirections, hull_of
 from drake_polygrasp.paper.strips import hulls_in_strips
 from drake_polygrasp.vectors import circle, cross, dot, transformed, unit
 
 INSET = 0.02
-"""Part of R^s that the plane keeps from its ends, ours: faces are eroded already."""
+"""Our choice: share of R^s that Pi_p keeps from either end. It is small, because the edge clearance
+has already been taken from the faces."""
 FAN = 8
-"""Directions that stand in for an undefined s_e or l_u, ours."""
+"""Our choice: number of directions that replace an undefined s_e or l_u."""
 SHORT = 1e-6
-"""Times L, ours: centroids nearer than this define no line."""
+"""Our choice, times L: centroids nearer to each other than this define no line."""
 TIE = 1e-6
-"""Relative to L or to the area, ours: choices nearer than this are a tie, and each is a row. Wide,
-because files round coordinates, and harmless, because the best row is kept."""
+"""Our choice, relative to L or to an area: alternatives that differ by less are a tie, and each
+becomes a row. It is wide, because files round coordinates; that is harmless, because only the row
+of best quality is kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class Planes(Batch):
-    """Planes Pi_p for sets of faces, one row a choice.
+    """Grasp planes Pi_p of sets of faces, one row for each choice of plane.
 
     Attributes:
-        owner: index of each row's set in the batch the rows were made from, shape (M,).
-        region: A_1, A_2, A_3, shape (M, 3); for pairs A_3 is A_2, and roles are settled on the
-            plane.
+        owner: index of each row's set in the batch that the rows were made from, shape (M,).
+        region: regions A_1, A_2, A_3, shape (M, 3); for pairs A_3 is A_2, and which face holds two
+            contacts is not decided yet.
         nhat_B: N, unit normal of Pi_p, shape (M, 3).
-        along_B: unit direction in Pi_p: n_bs, or n'_f of the face that defines Pi_s, shape (M, 3).
-        low: lower bound of R^s along N [m], shape (M,).
-        high: upper bound [m], shape (M,).
-        height: first choice of N . p on Pi_p [m], shape (M,).
-        area_s: i^s [m^2], shape (M,).
-        d_1: distance from c_I^s to c_m^s [m], shape (M,).
+        along_B: unit normal of Pi_s, a direction in Pi_p, shape (M, 3): n_bs, or n'_i of the face
+            that defines Pi_s.
+        low, high: bounds of R^s along N [m], shape (M,).
+        height: N . p of the points of Pi_p, the first choice [m], shape (M,).
+        area_s: I^s, the area of F [m^2], shape (M,).
+        d_1: distance from c_I^s, the centroid of F, to c_m^s [m], shape (M,).
     """
 
     owner: Ints
@@ -70,7 +72,10 @@ def _plane(
     high: Array,
     scale: Scale,
 ) -> Planes:
-    """Positions Pi_p: F = R^s cut with hull(A_1^s, A_2^s, A_3^s) holds c_m, else c_I^s is taken."""
+    """Positions Pi_p: through c_m if F holds c_m^s, else through c_I^s, the centroid of F.
+
+    F is the part of hull(A_1^s, A_2^s, A_3^s) within R^s.
+    """
     axes = np.stack([cross(along, N), N], axis=1)
     index, flat = gather(edges.offsets, region.ravel())
     row = flat // 3
@@ -88,13 +93,32 @@ def _plane(
 
 
 def inset(height: Array, low: Array, high: Array) -> Array:
-    """Keeps offsets of planes away from the ends of R^s, each of shape (M,)."""
+    """Moves offsets of Pi_p that are too near to an end of R^s, by `INSET` of its width.
+
+    Args:
+        height: N . p of the plane [m], shape (M,).
+        low: lower bound of R^s [m], shape (M,).
+        high: upper bound of R^s [m], shape (M,).
+
+    Returns:
+        Offsets within the narrowed strip [m], shape (M,).
+    """
     margin = INSET * (high - low)
     return np.minimum(np.maximum(height, low + margin), high - margin)
 
 
 def other_heights(planes: Planes) -> Array:
-    """Where to try next when P is empty, nearest to the first choice first, shape (M, 3)."""
+    """Returns the offsets of Pi_p to try where P is empty at the first one.
+
+    They are at 1/2, 1/4 and 3/4 of R^s, narrowed by `INSET`. The text does not foresee an empty P,
+    which occurs because segments a_i are narrower than projections of whole faces.
+
+    Args:
+        planes: M planes.
+
+    Returns:
+        N . p [m], the offset nearest to the first choice first, shape (M, 3).
+    """
     margin = INSET * (planes.high - planes.low)
     span = planes.high - planes.low - 2 * margin
     heights = (planes.low + margin)[:, None] + span[:, None] * np.array([0.5, 0.25, 0.75])
@@ -113,13 +137,25 @@ def nonparallel_planes(
     high: Array,
     scale: Scale,
 ) -> Planes:
-    """Planes parallel to Pi_l; Pi_s is orthogonal to n'_f of the largest face.
+    """Computes Pi_p of non-parallel sets: parallel to Pi_l, at a height within R^s (Section 5).
 
-    The text lets Pi_s be orthogonal to any n'_i, but Q depends on which; the largest face (each
-    of those equally large) makes it independent of labels.
+    The text lets Pi_s be orthogonal to any n'_i, but Q depends on which. We take that of the
+    largest face, and all of several equally large ones, so that Q does not depend on labels.
+
+    Args:
+        regions: all regions.
+        edges: their boundary.
+        region: A_1, A_2, A_3 of each set, shape (M, 3).
+        on: directions of the sets on Pi_l.
+        low: lower bound of R^s along N [m], shape (M,).
+        high: upper bound of R^s [m], shape (M,).
+        scale: the object's size.
+
+    Returns:
+        The planes, at least one for each set.
     """
     area = regions.area[region]
-    owner, face = ties(area / area.max(axis=1, keepdims=True), TIE)
+    owner, face = _ties(area / area.max(axis=1, keepdims=True), TIE)
     on, along = on.take(owner), on.nprime[owner, face]
     return _plane(edges, owner, region[owner], on.nhat_B, along, low[owner], high[owner], scale)
 
@@ -127,17 +163,17 @@ def nonparallel_planes(
 def opposed_planes(
     edges: Boundary, sets: Opposed, owner: Ints, direction: Array, scale: Scale
 ) -> tuple[Planes, Ints]:
-    """Planes that contain n_bs and a direction of Pi_s; only those with R^s not empty.
+    """Computes Pi_p of parallel sets and pairs: through n_bs and a direction of Pi_s (Section 5).
 
     Args:
         edges: boundary of all regions.
-        sets: the sets.
-        owner: index of each row's set, shape (M,).
-        direction: s_e or l_u in coordinates (u, v) of Pi_s, not zero, shape (M, 2).
+        sets: the sets on their Pi_s.
+        owner: index in `sets` of each direction's set, shape (R,).
+        direction: s_e or l_u in coordinates (u, v) of Pi_s, not zero, shape (R, 2).
         scale: the object's size.
 
     Returns:
-        The planes, and the index of each in `owner`.
+        The planes whose R^s is not empty, and the index of each one's direction.
     """
     sets = sets.take(owner)
     along_e = unit(direction[:, :1] * sets.u + direction[:, 1:] * sets.v)
@@ -158,22 +194,43 @@ def opposed_planes(
     return planes, rows
 
 
-def ties(score: Array, slack: float) -> tuple[Ints, Ints]:
-    """Rows and columns of the entries within `slack` of their row's greatest; none if -inf."""
+def _ties(score: Array, slack: float) -> tuple[Ints, Ints]:
+    """Finds the entries within `slack` of the greatest of their row, as rows and columns.
+
+    Rows whose entries are all -inf have none.
+    """
     is_best = (score >= score.max(axis=1, keepdims=True) - slack) & np.isfinite(score)
     rows, columns = np.nonzero(is_best)
     return rows, columns
 
 
 def grouped_ties(score: Array, owner: Ints, num_rows: int, slack: float) -> Ints:
-    """Indices of the entries within `slack` of the greatest of their owner's."""
+    """Finds the items within `slack` of the greatest of their group.
+
+    Args:
+        score: value of each item, -inf for items that do not count, shape (R,).
+        owner: group of each item, shape (R,).
+        num_rows: number of groups.
+        slack: values that differ by no more are a tie.
+
+    Returns:
+        Indices of the items, ascending; none of a group whose items do not count.
+    """
     greatest = np.full(num_rows, -np.inf)
     np.maximum.at(greatest, owner, score)
     return np.flatnonzero((score >= greatest[owner] - slack) & np.isfinite(score))
 
 
 def ring_edges(shapes: Shapes) -> tuple[Array, Array, Ints]:
-    """Tails and heads (E, 2) of all rings of polygons or multipolygons, and whose they are (E,)."""
+    """Splits the rings of polygons or multipolygons into edges.
+
+    Args:
+        shapes: plane shapes, shape (M,).
+
+    Returns:
+        Tails and heads of the edges, shape (E, 2) each, and the index of each one's shape, shape
+        (E,).
+    """
     parts, part_owner = shapely.get_parts(shapes, return_index=True)
     rings, ring_part = shapely.get_rings(parts, return_index=True)
     points, ring = shapely.get_coordinates(rings, return_index=True)
@@ -181,18 +238,18 @@ def ring_edges(shapes: Shapes) -> tuple[Array, Array, Ints]:
     return points[:-1][same], points[1:][same], part_owner[ring_part[ring[:-1][same]]]
 
 
-def line_through(point: Array, direction: Array, scale: Scale) -> Shapes:
-    """Lines long enough to cross the object, shape (...,)."""
-    reach = 4 * scale.diameter * unit(direction)
-    lines: Shapes = shapely.linestrings(np.stack([point - reach, point + reach], axis=-2))
-    return lines
-
-
 def fan_directions(hull: Shapes) -> Array:
-    """Eight directions counted from the longest edge of each hull, shape (M, 8, 2)."""
+    """Computes a fan of `FAN` directions that starts at the longest edge of each hull.
+
+    Args:
+        hull: convex polygons, shape (M,).
+
+    Returns:
+        Unit directions, pi / 8 apart, shape (M, 8, 2).
+    """
     tail, head, owner = ring_edges(hull)
     length = np.linalg.norm(head - tail, axis=1)
-    # Rounded, so that of equal edges the first counts.
+    # Rounded, so that the first of equally long edges is taken.
     order = np.lexsort((np.arange(len(owner)), -np.round(length / length.max(initial=0), 9), owner))
     first = order[np.searchsorted(owner[order], np.arange(len(hull)))]
     edge = unit(head - tail)[first]
@@ -205,17 +262,9 @@ def fan_directions(hull: Shapes) -> Array:
 def _lengths_of_lines(
     sets: Opposed, hull: Shapes, through: Array, direction: Array, scale: Scale
 ) -> Array:
-    """Length of line cut with hull for the lines that meet both A_2^s and A_3^s, else -inf.
+    """Computes the lengths in the hull of lines (M, J, 2) through points (M, 2), shape (M, J) [m].
 
-    Args:
-        sets: the sets, M rows.
-        hull: hull(A_2^s, A_3^s), shape (M,).
-        through: shape (M, 2).
-        direction: shape (M, J, 2); a zero direction is no line.
-        scale: the object's size.
-
-    Returns:
-        shape (M, J) [m].
+    A line that does not meet both A_2^s and A_3^s, or has a zero direction, has length -inf.
     """
     lines = line_through(through[:, None], direction, scale)
     crossed = np.column_stack([hull, sets.faces[:, 1:]])[:, None]
@@ -225,11 +274,19 @@ def _lengths_of_lines(
 
 
 def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:
-    """s_e for parallel sets: one of l_e1, l_e2, l_e3, a hull edge, or one of the fan.
+    """Finds s_e, the direction of Pi_p in Pi_s, for parallel sets (Section 5).
+
+    It is the longest of l_e1, l_e2 and l_e3 that meet A_2^s and A_3^s, else the edge between A_2^s
+    and A_3^s of their hull. Where neither exists, as for a face inside the hole of another, it is
+    the longest of a fan of lines through the centroid of A_aux2.
+
+    Args:
+        sets: the M sets on Pi_s.
+        scale: the object's size.
 
     Returns:
-        Rows' sets, shape (R,), and s_e in coordinates of Pi_s, shape (R, 2); none for a set means
-        that it has no direction.
+        Index of each direction's set, shape (R,), and s_e in coordinates (u, v) of Pi_s, shape
+        (R, 2): several for a set where lengths are equal, none where no line meets both faces.
     """
     first, second, third = sets.faces.T
     hull = hull_of(sets.faces[:, 1:])
@@ -239,7 +296,7 @@ def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:
     long = dot(candidates, candidates) > (SHORT * scale.diameter) ** 2
     candidates *= long[..., None]
     length = _lengths_of_lines(sets, hull, centre, candidates, scale)
-    rows, column = ties(length, TIE * scale.diameter)
+    rows, column = _ties(length, TIE * scale.diameter)
     owners, directions = [rows], [candidates[rows, column]]
 
     rest = np.delete(np.arange(len(hull)), rows)
@@ -251,7 +308,7 @@ def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:
     if len(rest):
         fan = fan_directions(hull_of(auxiliary[rest, None]))
         length = _lengths_of_lines(sets.take(rest), hull[rest], centre[rest], fan, scale)
-        rows, column = ties(length, TIE * scale.diameter)
+        rows, column = _ties(length, TIE * scale.diameter)
         owners.append(rest[rows])
         directions.append(fan[rows, column])
     return np.concatenate(owners), np.concatenate(directions)
@@ -260,7 +317,10 @@ def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:
 def _mixed_hull_edges(
     sets: Opposed, hull: Shapes, centre: Array, scale: Scale
 ) -> tuple[Ints, Array]:
-    """Edges of hull(A_2^s, A_3^s) from a vertex of one to a vertex of the other, nearest first."""
+    """Finds the edges of hull(A_2^s, A_3^s) between a vertex of one face and a vertex of the other.
+
+    Of each set the edge nearest to the centroid of A_aux2 is taken, and all that are as near.
+    """
     tail, head, owner = ring_edges(hull)
     corners = shapely.extract_unique_points(sets.faces[:, 1:])
 

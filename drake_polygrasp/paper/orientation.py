@@ -1,10 +1,10 @@
-"""Sections 4.1 and 4.2, "according to their orientations": which sets of faces oppose each other.
+"""Sections 4.1 and 4.2, by orientation: sets of faces whose friction cones span all forces.
 
-Proposition 2 asks that phi < alpha and that the origin lie in the hull of the boundary directions
-of the planar cones. With "non-negative combination" and "interior of the hull", which is what its
-proof needs, it says that the least spherical cap around the normals is wider than pi/2 - alpha.
-We test the cap: it needs no plane Pi_l, which does not exist where two normals coincide, and
-becomes Section 4.2's test for pairs there.
+Proposition 2 requires phi < alpha and the origin in the hull of the boundary directions of the
+cones in Pi_l. Its proof needs "non-negative combination" and "interior of the hull"; read so, it
+says that the smallest spherical cap around n_1, n_2 and n_3 has an angular radius above
+pi/2 - alpha. We test the cap, because it needs no Pi_l, which does not exist where two normals
+coincide, and because it becomes Section 4.2's test for two faces there.
 """
 
 from __future__ import annotations
@@ -19,28 +19,42 @@ from drake_polygrasp.geometry.face_sets import pairs, triples
 from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, SAME_NORMAL
 from drake_polygrasp.vectors import cross, dot, unit
 
-_PAIRS = np.array([[1, 2], [0, 2], [0, 1]])  # the two others of each of three
+_PAIRS = np.array([[1, 2], [0, 2], [0, 1]])
+"""Row i holds the two faces other than i."""
 
 
 def friction_angle(mu: Array) -> Array:
-    """The paper's alpha for sets whose faces have coefficients mu of shape (M, k): the largest.
+    """Computes the paper's alpha of each set of faces, from its largest friction coefficient.
 
-    Selection only filters, so it takes the most favourable cone; the certificate takes each
-    contact's own.
+    Selection only filters sets, so it assumes the widest cone; the certificate uses each contact's
+    own coefficient.
+
+    Args:
+        mu: friction coefficients of the faces of each set, shape (M, k).
+
+    Returns:
+        alpha = arctan(mu) [rad], shape (M,).
     """
     return to_decimals(np.arctan(mu.max(axis=1)))
 
 
 def least_ball_centre(tips: Array) -> Array:
-    """Centre of the least ball around three points of shape (..., 3, 3); shape (..., 3).
+    """Computes the centre of the smallest ball that contains three points.
 
-    For unit vectors it points at the centre of their least spherical cap, and its length is the
-    cosine of the cap's angular radius (caps of at most a half sphere).
+    For unit vectors the centre points to the middle of the smallest spherical cap that contains
+    them, and its length is the cosine of the cap's angular radius.
+
+    Args:
+        tips: three points, shape (..., 3, 3).
+
+    Returns:
+        The centre, shape (..., 3).
     """
     opposite = tips[..., _PAIRS, :]
     edge = opposite[..., 1, :] - opposite[..., 0, :]
     square = dot(edge, edge)
-    # Barycentric weights of the circumcentre; a right or obtuse angle leaves its opposite edge.
+    # Barycentric weights of the circumcentre. In a right or obtuse triangle the smallest ball has
+    # the longest edge as diameter.
     weight = square * (square.sum(axis=-1, keepdims=True) - 2 * square)
     longest = np.argmax(square, axis=-1)
     by_edge = square.sum(axis=-1) <= 2 * square.max(axis=-1) * (1 + 1e-12)
@@ -52,13 +66,16 @@ def least_ball_centre(tips: Array) -> Array:
 
 
 def sine_of_tips_plane(nhat: Array) -> tuple[Array, Array]:
-    """The paper's Pi_l: its unit normal N with N . n_i >= 0, and sin(phi) = N . n_i.
+    """Computes the plane Pi_l through the tips of three normals (Section 4.1), and sin(phi).
+
+    phi is the angle between the normals and Pi_l, the same for all three.
 
     Args:
-        nhat: three distinct normals, shape (M, 3, 3).
+        nhat: three distinct unit normals a set, shape (M, 3, 3).
 
     Returns:
-        N, shape (M, 3), and sin(phi), shape (M,).
+        N, the unit normal of Pi_l with N . n_i >= 0, shape (M, 3), and sin(phi) = N . n_i, shape
+        (M,).
     """
     N = unit(cross(nhat[:, 1] - nhat[:, 0], nhat[:, 2] - nhat[:, 0]))
     height = dot(N[:, None], nhat).mean(axis=1)
@@ -67,7 +84,15 @@ def sine_of_tips_plane(nhat: Array) -> tuple[Array, Array]:
 
 
 def opposes(nhat: Array, alpha: Array) -> Bools:
-    """Proposition 2 for triples: shape (M, 3, 3) and (M,) to (M,)."""
+    """Tests Proposition 2 (Section 4.1): whether the friction cones of three faces span all forces.
+
+    Args:
+        nhat: inward unit normals, shape (M, 3, 3).
+        alpha: half-angles of the friction cones [rad], shape (M,).
+
+    Returns:
+        Whether each set passes, shape (M,).
+    """
     passes = _may_oppose(nhat, alpha)
     rows = np.flatnonzero(passes)
     centre = least_ball_centre(nhat[rows])
@@ -76,11 +101,11 @@ def opposes(nhat: Array, alpha: Array) -> Bools:
 
 
 def _may_oppose(nhat: Array, alpha: Array) -> Bools:
-    """A cheaper condition that `opposes` implies, from the products of the normals alone."""
+    """Tests a necessary condition for `opposes` that needs only the dot products of the normals."""
     a, b, c = dot(nhat[:, _PAIRS[:, 0]], nhat[:, _PAIRS[:, 1]]).T
     least = np.minimum(np.minimum(a, b), c)
-    # Squared distance from the origin of the farthest pair's middle; the least ball's centre is
-    # there if the triangle has no acute angle opposite, else in the tips' plane.
+    # Squared distance of the smallest ball's centre from the origin: in an obtuse triangle the
+    # centre is the midpoint of the longest edge, else the point of Pi_l's parallel nearest to it.
     by_pair = (1 + least) / 2
     gram = 1 + 2 * a * b * c - a * a - b * b - c * c
     cross = (1 - a) * (1 - b) + (1 - b) * (1 - c) + (1 - c) * (1 - a)
@@ -92,34 +117,56 @@ def _may_oppose(nhat: Array, alpha: Array) -> Bools:
 
 
 def pair_opposes(nhat: Array, alpha: Array) -> Bools:
-    """Section 4.2 for pairs, phi = (pi - angle) / 2 < alpha: shape (M, 2, 3) and (M,) to (M,)."""
+    """Tests Section 4.2's condition for two faces: phi = (pi - angle(n_1, n_2)) / 2 < alpha.
+
+    Args:
+        nhat: inward unit normals, shape (M, 2, 3).
+        alpha: half-angles of the friction cones [rad], shape (M,).
+
+    Returns:
+        Whether each pair passes, shape (M,).
+    """
     passes: Bools = sine_of_pair(nhat) < np.sin(alpha) - ANGLE_TOLERANCE
     return passes
 
 
 def sets_oppose(nhat: Array, mu: Array) -> Bools:
-    """Whether the faces of pairs or of triples oppose each other.
+    """Tests pairs or triples of faces by their orientations (Sections 4.1 and 4.2).
 
     Args:
         nhat: inward unit normals, shape (M, 2, 3) or (M, 3, 3).
         mu: friction coefficients, shape (M, 2) or (M, 3).
 
     Returns:
-        Shape (M,).
+        Whether each set passes, shape (M,).
     """
     alpha = friction_angle(mu)
     return pair_opposes(nhat, alpha) if nhat.shape[1] == 2 else opposes(nhat, alpha)
 
 
 def sine_of_pair(nhat: Array) -> Array:
-    """sin(phi) of two faces, half the length of n_1 + n_2: shape (M, 2, 3) to (M,)."""
+    """Computes sin(phi) of two faces (Section 4.2), half the length of n_1 + n_2.
+
+    Args:
+        nhat: unit normals, shape (M, 2, 3).
+
+    Returns:
+        sin(phi), shape (M,).
+    """
     total = nhat[:, 0] + nhat[:, 1]
     sine: Array = np.sqrt(dot(total, total)) / 2
     return sine
 
 
 def least_opposing_friction(nhat: Array) -> float | None:
-    """The coefficient above which some pair or triple opposes; None if there is none, (n, 3)."""
+    """Computes the friction coefficient above which some set of faces passes by orientation.
+
+    Args:
+        nhat: inward unit normals of all faces, shape (n, 3).
+
+    Returns:
+        The coefficient, the same on all faces; None where no coefficient suffices.
+    """
     if len(nhat) < 2:
         return None
     sine = sine_of_pair(nhat[pairs(len(nhat))]).min()
@@ -131,12 +178,12 @@ def least_opposing_friction(nhat: Array) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Parallel:
-    """The triples that are parallel (4.1).
+    """Triples that are parallel in the sense of Section 4.1: parallel forces can hold the object.
 
     Attributes:
-        rows: which of the M triples they are, ascending, shape (K,).
+        rows: indices of the parallel ones among the M triples, ascending, shape (K,).
         opposing: position 0, 1 or 2 of the face that opposes the two others, shape (K,).
-        nhat_bs: unit n_bs: axis of the least cap around n_i, n_j and -n_k, shape (K, 3).
+        nhat_bs: n_bs, unit axis of the smallest cap around n_i, n_j and -n_k, shape (K, 3).
         radius: angular radius of that cap [rad], shape (K,).
     """
 
@@ -147,9 +194,18 @@ class Parallel:
 
 
 def classify(nhat: Array, alpha: Array) -> Parallel:
-    """Parallel sets are those with a direction inside C_i, C_j and -C_k (4.1).
+    """Finds the parallel sets: those with a direction common to C_i, C_j and -C_k (Section 4.1).
 
-    k is the normal outside the closest pair; where pairs are equally close, the least cap decides.
+    k is the face whose normal is not in the closest pair. The text does not say which pair counts
+    where several are equally close: we take the one with the smallest cap around n_i, n_j and -n_k,
+    and of equal caps the lowest k. A set is parallel when the cap's radius is below alpha.
+
+    Args:
+        nhat: inward unit normals, shape (M, 3, 3).
+        alpha: half-angles of the friction cones [rad], shape (M,).
+
+    Returns:
+        The sets that are parallel.
     """
     close = dot(nhat[:, _PAIRS[:, 0]], nhat[:, _PAIRS[:, 1]])
     is_closest = close >= close.max(axis=1, keepdims=True) - ANGLE_TOLERANCE
@@ -178,10 +234,16 @@ def classify(nhat: Array, alpha: Array) -> Parallel:
 
 
 def sine_of_parallel(nhat: Array) -> Array:
-    """sin(phi) of parallel sets, faces ordered A_1, A_2, A_3: shape (M, 3, 3) to (M,).
+    """Computes sin(phi) of parallel sets, which q_4 (eq. 9) uses.
 
-    The text leaves phi open where A_2 and A_3 have one normal, and so no plane through the tips:
-    there it is that of the pair A_1, A_2.
+    The text leaves phi open where A_2 and A_3 have the same normal and so no plane through the
+    tips: then phi is that of the pair A_1, A_2.
+
+    Args:
+        nhat: unit normals of A_1, A_2 and A_3, A_1 being the opposing face, shape (M, 3, 3).
+
+    Returns:
+        sin(phi), shape (M,).
     """
     gap = np.linalg.norm(nhat[:, 1] - nhat[:, 2], axis=-1)
     return np.where(gap > SAME_NORMAL, sine_of_tips_plane(nhat)[1], sine_of_pair(nhat[:, :2]))

@@ -1,7 +1,7 @@
-"""Batched geometry that several stages of the paper share: ragged faces, cuts, strips, projections.
+"""Plane geometry that several stages share: projections, sections, intervals on lines.
 
-Every function works on K rows at once. A row names a region of a face; regions have different
-numbers of edges, so their edges are gathered into one flat array and reduced row by row.
+Functions work on many rows at once. A row refers to a region of a face; regions have different
+numbers of edges, so the edges of all rows are gathered in one flat array and reduced row by row.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from drake_polygrasp.vectors import cross, dot, unit
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """The object's size, which lengths are compared with, and its centre of mass.
+    """The object's size, which tolerances are relative to, and its centre of mass.
 
     Attributes:
-        p_BBcm: [m], shape (3,).
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
-        diameter: L [m].
+        diameter: L, greatest distance between two vertices [m].
     """
 
     p_BBcm: Array
@@ -34,17 +34,24 @@ class Scale:
 
     @property
     def length_slack(self) -> float:
-        """What is shorter is a rounding error [m]."""
+        """Lengths below this are rounding errors [m]."""
         return LENGTH_TOLERANCE * self.diameter
 
     @property
     def area_slack(self) -> float:
-        """What is smaller is a rounding error [m^2]."""
+        """Areas below this are rounding errors [m^2]."""
         return LENGTH_TOLERANCE * self.diameter**2
 
 
 def orthonormal_pair(nhat: Array) -> tuple[Array, Array]:
-    """Unit vectors u, v with u x v = nhat, each of shape (K, 3)."""
+    """Completes unit vectors to right-handed orthonormal bases.
+
+    Args:
+        nhat: unit vectors, shape (K, 3).
+
+    Returns:
+        Unit vectors u and v with u x v = nhat, shape (K, 3) each.
+    """
     least = np.eye(3)[np.argmin(np.round(np.abs(nhat), 9), axis=-1)]
     u = unit(cross(least, nhat))
     return u, cross(nhat, u)
@@ -55,14 +62,33 @@ def _starts(owner: Ints, num_rows: int) -> Ints:
 
 
 def extents(edges: Boundary, region: Ints, direction: Array) -> tuple[Array, Array]:
-    """Least and greatest direction . p_BV of each row's region, each of shape (K,)."""
+    """Computes the extent of each row's region along a direction.
+
+    Args:
+        edges: boundary of all regions.
+        region: index of each row's region, shape (K,).
+        direction: direction of each row, expressed in B, shape (K, 3).
+
+    Returns:
+        Least and greatest direction . p_BV over the vertices, shape (K,) each.
+    """
     index, owner = gather(edges.offsets, region)
     along = dot(edges.tail[index], direction[owner])
     return row_extremes(along, along, owner, len(region))
 
 
 def row_extremes(low: Array, high: Array, owner: Ints, num_rows: int) -> tuple[Array, Array]:
-    """Least `low` and greatest `high` of the items of each row, which are in the rows' order."""
+    """Reduces items to the least and the greatest of each row.
+
+    Args:
+        low: values to take the least of, shape (E,).
+        high: values to take the greatest of, shape (E,).
+        owner: row of each item, ascending, at least one item a row, shape (E,).
+        num_rows: number of rows K.
+
+    Returns:
+        Least `low` and greatest `high` of each row, shape (K,) each.
+    """
     if not num_rows:
         return np.empty(0), np.empty(0)
     starts = _starts(owner, num_rows)
@@ -70,10 +96,10 @@ def row_extremes(low: Array, high: Array, owner: Ints, num_rows: int) -> tuple[A
 
 
 def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
-    """Orthogonal projections of whole regions, holes included, on planes spanned by u and v.
+    """Projects whole regions, holes included, orthogonally on planes spanned by u and v.
 
-    Coordinates are rounded, so that those of faces that cover each other are equal: of polygons
-    that differ by the last bit, GEOS may say that they share two points and no area.
+    Coordinates are rounded, so that faces which cover each other have equal projections: of
+    polygons that differ in the last bit, GEOS may report an intersection without area.
 
     Args:
         regions: all regions.
@@ -82,7 +108,7 @@ def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
         v: second unit axis, shape (K, 3).
 
     Returns:
-        shapely Polygons in the coordinates (u . p, v . p) [m], shape (K,).
+        Polygons in the coordinates (u . p, v . p) [m], shape (K,).
     """
     ring, ring_owner = gather(regions.region_offsets, region)
     vertex, vertex_ring = gather(regions.ring_offsets, ring)
@@ -102,15 +128,15 @@ def project(regions: Regions, region: Ints, u: Array, v: Array) -> Shapes:
 
 @dataclass(frozen=True, eq=False)
 class Section(Batch):
-    """The segments a_i = Pi_p cut with A_i (Section 4), several where a face is not convex.
+    """Segments a_i = Pi_p cut with A_i (Section 4), several where a face is not convex.
 
-    The point of the cut at coordinate s along the row's axis is `p_BS + s * slope_B`.
+    The point of the cut at coordinate s, measured along an axis in Pi_p, is `p_BS + s * slope_B`.
 
     Attributes:
         p_BS: point of the cut's line at s = 0 [m], shape (K, 3).
         slope_B: change of the point with s, shape (K, 3).
-        intervals: ends of the segments as values of s, ascending, padded with NaN [m], shape (K, S,
-            2).
+        intervals: ends of the S segments as values of s, ascending, padded with NaN [m], shape
+            (K, S, 2).
     """
 
     p_BS: Array
@@ -118,7 +144,14 @@ class Section(Batch):
     intervals: Array
 
     def points(self, s: Array) -> Array:
-        """Points at coordinates s of shape (K,) or (K, J); shape (K, 3) or (K, J, 3)."""
+        """Computes points of the cut.
+
+        Args:
+            s: coordinates along the axis [m], shape (K,) or (K, J).
+
+        Returns:
+            Points expressed in B [m], shape (K, 3) or (K, J, 3).
+        """
         if s.ndim == 1:
             return self.p_BS + s[:, None] * self.slope_B
         return self.p_BS[:, None] + s[..., None] * self.slope_B[:, None]
@@ -141,14 +174,17 @@ def section(
         region: index of each row's region, shape (K,).
         nhat: unit normal of each row's plane, shape (K, 3).
         height: offset of each row's plane [m], shape (K,).
-        axis: direction within the plane that coordinates are measured along, shape (K, 3).
-        slack: gaps no longer than this are closed, and segments dropped [m].
+        axis: unit direction in the plane along which coordinates are measured, shape (K, 3).
+        slack: gaps up to this length are closed, and segments up to it dropped [m].
+
+    Returns:
+        The segments, without any where the plane misses the region or is parallel to it.
     """
     index, owner = gather(edges.offsets, region)
     tail, head = edges.tail[index], edges.head[index]
     above_tail = dot(tail, nhat[owner]) - height[owner]
     above_head = dot(head, nhat[owner]) - height[owner]
-    # Half-open, so that a vertex on the plane is counted once and ends always pair up.
+    # Half-open, so that a vertex on the plane counts once and the ends form pairs.
     crosses = (above_tail <= 0) != (above_head <= 0)
     index, owner = index[crosses], owner[crosses]
     fraction = above_tail[crosses] / (above_tail[crosses] - above_head[crosses])
@@ -162,7 +198,7 @@ def section(
     intervals = np.full((len(region), max(1, int(counts.max(initial=0))), 2), np.nan)
     intervals[owner, slot, 0], intervals[owner, slot, 1] = low, high
 
-    # Parallel to the face, the plane's direction across `axis` leads to no point of the cut.
+    # Where this is singular the cut runs across `axis`, or plane and face are parallel.
     nhat_TB = regions.nhat_TB_B[region]
     across = cross(axis, nhat)
     steep = dot(nhat_TB, across)
@@ -177,7 +213,7 @@ def section(
 
 
 def _segments(ends: Array, owner: Ints, slack: float) -> tuple[Array, Array, Ints]:
-    """Segments between sorted ends, an even number for each owner: low, high, and whose."""
+    """Joins sorted ends, an even number for each owner, to segments: low, high and owners."""
     low, high, owner = ends[::2], ends[1::2], owner[::2]
     is_gap = (owner[1:] != owner[:-1]) | (low[1:] - high[:-1] > slack)
     begins, stops = np.ones((2, len(low)), dtype=bool)
@@ -188,7 +224,16 @@ def _segments(ends: Array, owner: Ints, slack: float) -> tuple[Array, Array, Int
 
 
 def within(intervals: Array, s: Array, slack: float) -> Bools:
-    """Whether s of shape (...) lies in one of the intervals of shape (..., S, 2)."""
+    """Tests whether coordinates lie in one of their intervals.
+
+    Args:
+        intervals: ends of S intervals, padded with NaN [m], shape (..., S, 2).
+        s: coordinates [m], shape (...).
+        slack: how far outside still counts as inside [m].
+
+    Returns:
+        Whether each coordinate is inside, shape (...).
+    """
     low, high = intervals[..., 0], intervals[..., 1]
     between = (s[..., None] >= low - slack) & (s[..., None] <= high + slack)
     inside: Bools = np.logical_or.reduce(between, axis=-1)
@@ -196,7 +241,17 @@ def within(intervals: Array, s: Array, slack: float) -> Bools:
 
 
 def clip_intervals(intervals: Array, low: Array, high: Array, slack: float) -> Array:
-    """The parts of the intervals between low and high; NaN where no more than slack is left."""
+    """Clips intervals to bounds.
+
+    Args:
+        intervals: ends of S intervals, padded with NaN [m], shape (..., S, 2).
+        low: lower bound [m], shape (...).
+        high: upper bound [m], shape (...).
+        slack: parts up to this length are dropped [m].
+
+    Returns:
+        The clipped intervals [m], NaN where one is dropped, shape (..., S, 2).
+    """
     clipped = np.empty_like(intervals)
     np.maximum(intervals[..., 0], low[..., None], out=clipped[..., 0])
     np.minimum(intervals[..., 1], high[..., None], out=clipped[..., 1])
@@ -205,12 +260,15 @@ def clip_intervals(intervals: Array, low: Array, high: Array, slack: float) -> A
 
 
 def nearest(intervals: Array, s: Array, slack: float) -> Array:
-    """The point of the intervals nearest to s, the greater among equals; NaN where all are empty.
+    """Finds the point of the intervals nearest to s, the greater of two equally near ones.
 
     Args:
-        intervals: shape (..., S, 2), padded with NaN.
-        s: shape (...).
-        slack: distances that differ by less than this are equal.
+        intervals: ends of S intervals, padded with NaN [m], shape (..., S, 2).
+        s: coordinates [m], shape (...).
+        slack: distances that differ by no more are equal [m].
+
+    Returns:
+        The nearest coordinates [m], NaN where there is no interval, shape (...).
     """
     candidates = np.minimum(np.maximum(s[..., None], intervals[..., 0]), intervals[..., 1])
     distance = np.abs(candidates - s[..., None])
@@ -221,7 +279,14 @@ def nearest(intervals: Array, s: Array, slack: float) -> Array:
 
 
 def outer_ends(intervals: Array) -> Array:
-    """Least and greatest end over all intervals, shape (..., 2); NaN where all are empty."""
+    """Finds the least and the greatest end of all intervals of each row.
+
+    Args:
+        intervals: ends of S intervals, padded with NaN [m], shape (..., S, 2).
+
+    Returns:
+        The two ends [m], NaN where there is no interval, shape (..., 2).
+    """
     ends = np.empty((*intervals.shape[:-2], 2))
     np.fmin.reduce(intervals[..., 0], axis=-1, out=ends[..., 0])
     np.fmax.reduce(intervals[..., 1], axis=-1, out=ends[..., 1])
@@ -229,8 +294,31 @@ def outer_ends(intervals: Array) -> Array:
 
 
 def centroids(shapes: Shapes) -> Array:
-    """Centroids of shapes, shape (..., 2); NaN for empty ones."""
+    """Computes the centroids of plane shapes.
+
+    Args:
+        shapes: shapes, shape (...).
+
+    Returns:
+        Centroids, NaN for empty shapes, shape (..., 2).
+    """
     found = np.full((*np.shape(shapes), 2), np.nan)
-    # Empty points have no coordinates.
+    # shapely gives no coordinates for empty points.
     found[~shapely.is_empty(shapes)] = shapely.get_coordinates(shapely.centroid(shapes))
     return found
+
+
+def line_through(point: Array, direction: Array, scale: Scale) -> Shapes:
+    """Draws lines through points, long enough to cross the object.
+
+    Args:
+        point: a point of each line [m], shape (..., 2).
+        direction: direction of each line, of any length, shape (..., 2).
+        scale: the object's size.
+
+    Returns:
+        LineStrings, shape (...).
+    """
+    reach = 4 * scale.diameter * unit(direction)
+    lines: Shapes = shapely.linestrings(np.stack([point - reach, point + reach], axis=-2))
+    return lines

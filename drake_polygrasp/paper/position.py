@@ -1,9 +1,9 @@
-"""Sections 4.1 and 4.2, "according to their positions": which sets of faces face each other.
+"""Sections 4.1 and 4.2, by position: sets of faces that lie opposite each other.
 
 Non-parallel sets are tested on Pi_l (region R^l, portions A_li) and on Pi_s (strip R^s), parallel
 sets and pairs on Pi_s alone. Departures from the text: step 1.3 repeats 1.1 and is skipped; C_ri
-is a double cone, for a single one loses faces behind or before its apex; step 2.1 projects the
-portions A_li, without which steps 1.4 to 1.6 would have no effect.
+is a double cone, because a single one loses the faces on the other side of its apex; step 2.1
+projects the portions A_li, because with whole faces steps 1.4 to 1.6 would have no effect.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from drake_polygrasp.vectors import cross, dot, product, transformed, unit
 
 @dataclass(frozen=True, eq=False)
 class PlaneDirections(Batch):
-    """Non-parallel sets on planes parallel to Pi_l.
+    """Directions of non-parallel sets in planes parallel to Pi_l.
 
     Attributes:
         nhat_B: N, unit normal of Pi_l, shape (M, 3).
         that: t_i = N x n'_i, unit, shape (M, 3, 3).
-        nprime: unit directions of n'_i, shape (M, 3, 3).
+        nprime: unit directions of n'_i, the projections of n_i on Pi_l, shape (M, 3, 3).
         turn: (t_2 x t_3, t_3 x t_1, t_1 x t_2) . N, shape (M, 3).
     """
 
@@ -38,14 +38,15 @@ class PlaneDirections(Batch):
     turn: Array
 
     def polygon(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Area [m^2] and centroid of three strips' intersection (R^l or P).
+        """Computes area and centroid of the intersection of three strips: R^l (4.1) or P (6).
 
         Args:
-            low: shape (M, 3) [m].
-            high: shape (M, 3) [m].
+            low: least t_i . p of strip i [m], shape (M, 3).
+            high: greatest t_i . p of strip i [m], shape (M, 3).
 
         Returns:
-            Areas (M,), and the centroids as vectors within the plane through B's origin, (M, 3).
+            Areas [m^2], shape (M,), and the centroids' components parallel to Pi_l, expressed in B
+            [m], shape (M, 3).
         """
         axes = np.stack([self.that[:, 0], cross(self.nhat_B, self.that[:, 0])], axis=1)
         that_2 = product(self.that, axes.swapaxes(1, 2))
@@ -54,7 +55,15 @@ class PlaneDirections(Batch):
 
 
 def plane_directions(N: Array, nhat: Array) -> PlaneDirections:
-    """Directions on Pi_l from its normal, shape (M, 3), and the three normals, shape (M, 3, 3)."""
+    """Computes the directions n'_i and t_i of non-parallel sets.
+
+    Args:
+        N: unit normals of Pi_l, shape (M, 3).
+        nhat: inward unit normals n_i of the three faces, shape (M, 3, 3).
+
+    Returns:
+        The directions of the M sets.
+    """
     nprime = unit(nhat - dot(N[:, None], nhat)[..., None] * N[:, None])
     that = cross(N[:, None], nprime)
     turn = dot(N[:, None], cross(that[:, [1, 2, 0]], that[:, [2, 0, 1]]))
@@ -64,10 +73,17 @@ def plane_directions(N: Array, nhat: Array) -> PlaneDirections:
 def region_rl(
     edges: Boundary, region: Ints, on: PlaneDirections, length_slack: float
 ) -> tuple[Bools, Array, Array]:
-    """Steps 1.1 and 1.2: bounds of the three strips along t_i, and whether R^l is not empty.
+    """Tests whether R^l is empty: steps 1.1 and 1.2 of Section 4.1.
+
+    Args:
+        edges: boundary of all regions.
+        region: the three regions of each set, shape (M, 3).
+        on: directions of the sets on Pi_l.
+        length_slack: lengths below this are rounding errors [m].
 
     Returns:
-        Whether R^l has an interior, shape (M,); low and high, each of shape (M, 3) [m].
+        Whether R^l has an interior, shape (M,); low and high, the bounds of t_i . p in the three
+        strips [m], shape (M, 3) each.
     """
     low, high = extents(edges, region.ravel(), on.that.reshape(-1, 3))
     low, high = low.reshape(-1, 3), high.reshape(-1, 3)
@@ -77,12 +93,17 @@ def region_rl(
 def strip_rs(
     edges: Boundary, region: Ints, on: PlaneDirections, apex: Array, gamma: Array
 ) -> tuple[Array, Array]:
-    """Steps 1.4 to 2.2: the bounds of R^s along N, common to the portions A_li.
+    """Computes the strip R^s of heights along N common to the portions A_li: steps 1.4 to 2.2.
 
-    Args as of `portion_heights`.
+    Args:
+        edges: boundary of all regions.
+        region: the three regions of each set, shape (M, 3).
+        on: directions of the sets on Pi_l.
+        apex: centroid of R^l, in the plane through Bo parallel to Pi_l [m], shape (M, 3).
+        gamma: half-angle alpha - phi of the cones C_ri [rad], shape (M,).
 
     Returns:
-        low and high [m], each of shape (M,); low > high where they have no height in common.
+        Bounds low and high of R^s [m], shape (M,) each; low > high where R^s is empty.
     """
     low, high = portion_heights(edges, region, on, apex, gamma)
     return low.max(axis=1), high.min(axis=1)
@@ -91,17 +112,18 @@ def strip_rs(
 def portion_heights(
     edges: Boundary, region: Ints, on: PlaneDirections, apex: Array, gamma: Array
 ) -> tuple[Array, Array]:
-    """Steps 1.4 to 2.1: the bounds along N of the portions A_li within the cones C_ri.
+    """Computes the heights along N of the portions A_li within the cones C_ri: steps 1.4 to 2.1.
 
     Args:
         edges: boundary of all regions.
-        region: the sets, shape (M, 3).
-        on: their directions on Pi_l.
-        apex: centroid of R^l within the plane through B's origin [m], shape (M, 3).
-        gamma: half-angle alpha - phi of C_ri [rad], shape (M,).
+        region: the three regions of each set, shape (M, 3).
+        on: directions of the sets on Pi_l.
+        apex: centroid of R^l, in the plane through Bo parallel to Pi_l [m], shape (M, 3).
+        gamma: half-angle alpha - phi of the cones C_ri [rad], shape (M,).
 
     Returns:
-        low and high [m], each of shape (M, 3); low > high where a portion is empty.
+        Least and greatest height of each portion [m], shape (M, 3) each; least > greatest where a
+        portion is empty.
     """
     rows = np.repeat(np.arange(len(region)), 3)
     low, high = _cone_heights(
@@ -125,11 +147,11 @@ def _cone_heights(
     apex: Array,
     slope: Array,
 ) -> tuple[Array, Array]:
-    """Least and greatest height over A_li = {p in A_i: |t . (p - c)| <= slope |n' . (p - c)|}.
+    """Computes the range of heights over A_li = {p in A_i: |t . (p - c)| <= slope |n' . (p - c)|}.
 
-    The extremes are taken where an edge meets a wedge of the double cone; at an apex inside the
-    face heights rise into one wedge and fall into the other. All is done on the face itself: where
-    phi = 0 its projection on Pi_l is a mere segment.
+    Extremes lie on the region's edges within the double cone. The apex c need not be checked: where
+    it is inside the face, heights rise into one wedge of the cone and fall into the other. Portions
+    are cut on the face itself, because where phi = 0 its projection on Pi_l is only a segment.
     """
     index, owner = gather(edges.offsets, region)
     tail, head = edges.tail[index], edges.head[index]
@@ -137,7 +159,7 @@ def _cone_heights(
     from_apex = ends - apex[owner]
     across, height = dot(that[owner], from_apex), dot(N[owner], ends)
     along = slope[owner] * dot(nprime[owner], from_apex)
-    # What both bounds of each wedge leave of each edge.
+    # The part of each edge that is inside both bounds of each wedge, as shares from tail to head.
     wedges = np.array([[along - across, along + across], [-along - across, across - along]])
     start, end = _positive(wedges[:, :, 0], wedges[:, :, 1])
     s = np.stack([start.max(axis=1), end.min(axis=1)])
@@ -149,7 +171,10 @@ def _cone_heights(
 
 
 def _positive(at_tail: Array, at_head: Array) -> tuple[Array, Array]:
-    """Where along edges, from 0 to 1, linear functions are >= 0; nowhere if the end is negative."""
+    """Finds where on edges, from 0 at the tail to 1 at the head, linear functions are not negative.
+
+    Returns start and end of the part; end < start where there is none.
+    """
     change = at_tail - at_head
     root = at_tail / np.where(change == 0, 1.0, change)
     start = np.where(change < 0, np.maximum(root, 0.0), 0.0)
@@ -160,17 +185,16 @@ def _positive(at_tail: Array, at_head: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Opposed(Batch):
-    """Parallel triples and pairs on Pi_s, which is orthogonal to n_bs.
+    """Parallel triples, or pairs, projected on Pi_s.
 
-    The text never says what Pi_s is for parallel sets; orthogonal to n_bs, the plane Pi_p contains
-    a direction inside all three cones. For pairs A_3 is A_2.
+    Pi_s is orthogonal to n_bs. The text does not define it for parallel sets; with this choice Pi_p
+    contains a direction inside all three friction cones. For pairs A_3 is A_2.
 
     Attributes:
-        region: A_1, A_2, A_3, shape (M, 3).
-        nhat_bs: unit, along the forces on A_2 and A_3 and against that on A_1, shape (M, 3).
-        u: first unit axis of Pi_s, shape (M, 3).
-        v: second, with u x v = n_bs, shape (M, 3).
-        faces: projections A_1^s, A_2^s, A_3^s in coordinates (u, v) [m], shape (M, 3).
+        region: regions A_1, A_2, A_3, shape (M, 3).
+        nhat_bs: n_bs, unit, along the forces on A_2 and A_3 and against that on A_1, shape (M, 3).
+        u, v: unit axes of Pi_s, with u x v = n_bs, shape (M, 3).
+        faces: projections A_1^s, A_2^s, A_3^s in coordinates (u . p, v . p) [m], shape (M, 3).
     """
 
     region: Ints
@@ -181,28 +205,56 @@ class Opposed(Batch):
 
 
 def opposed(regions: Regions, region: Ints, nhat_bs: Array) -> Opposed:
-    """Projects the faces of each set on its Pi_s."""
+    """Projects the faces of each parallel set or pair on its Pi_s.
+
+    Args:
+        regions: all regions.
+        region: A_1, A_2, A_3 of each set, shape (M, 3).
+        nhat_bs: n_bs, unit, shape (M, 3).
+
+    Returns:
+        The projected sets.
+    """
     u, v = orthonormal_pair(nhat_bs)
     faces = project(regions, region.ravel(), np.repeat(u, 3, axis=0), np.repeat(v, 3, axis=0))
     return Opposed(region, nhat_bs, u, v, faces.reshape(-1, 3))
 
 
 def hull_of(shapes: Shapes) -> Shapes:
-    """Convex hull of all shapes of each row, (M, k) to (M,)."""
+    """Computes the convex hull of all shapes of each row.
+
+    Args:
+        shapes: plane shapes, shape (M, k).
+
+    Returns:
+        Convex hulls, shape (M,).
+    """
     hulls: Shapes = shapely.convex_hull(shapely.geometrycollections(shapes))
     return hulls
 
 
-def overlaps(a: Shapes, b: Shapes, area_slack: float) -> Bools:
-    """Whether shapes share an area, row by row."""
+def _overlaps(a: Shapes, b: Shapes, area_slack: float) -> Bools:
+    """Tests, row by row, whether two shapes share more than `area_slack` [m^2]."""
     shares: Bools = shapely.area(shapely.intersection(a, b)) > area_slack
     return shares
 
 
 def parallel_faces_meet(sets: Opposed, length_slack: float, area_slack: float) -> Bools:
-    """Section 4.1 for parallel sets: A_1^s meets A_2^s, A_3^s or A_aux1 between them."""
+    """Tests parallel sets by position (Section 4.1): A_1^s meets A_2^s, A_3^s or A_aux1.
+
+    A_aux1 counts only the parts of the hull between A_2^s and A_3^s that touch both, as the text's
+    "has vertices of A_2^s and vertices of A_3^s" says.
+
+    Args:
+        sets: the M sets on Pi_s.
+        length_slack: lengths below this are rounding errors [m].
+        area_slack: areas below this are rounding errors [m^2].
+
+    Returns:
+        Whether each set passes, shape (M,).
+    """
     first, second, third = sets.faces.T
-    meets = overlaps(first, second, area_slack) | overlaps(first, third, area_slack)
+    meets = _overlaps(first, second, area_slack) | _overlaps(first, third, area_slack)
     rest = np.flatnonzero(~meets)
     between = shapely.difference(
         shapely.difference(hull_of(sets.faces[rest, 1:]), second[rest]), third[rest]
@@ -212,11 +264,19 @@ def parallel_faces_meet(sets: Opposed, length_slack: float, area_slack: float) -
         shapely.distance(parts, third[rest][owner]) <= length_slack
     )
     parts, owner = parts[is_auxiliary], owner[is_auxiliary]
-    meets[rest[owner[overlaps(first[rest][owner], parts, area_slack)]]] = True
+    meets[rest[owner[_overlaps(first[rest][owner], parts, area_slack)]]] = True
     return meets
 
 
 def two_faces_meet(sets: Opposed, area_slack: float) -> Bools:
-    """Section 4.2: the convex hulls of A_1^s and A_2^s meet."""
+    """Tests pairs by position (Section 4.2): the convex hulls of A_1^s and A_2^s overlap.
+
+    Args:
+        sets: the M pairs on Pi_s.
+        area_slack: areas below this are rounding errors [m^2].
+
+    Returns:
+        Whether each pair passes, shape (M,).
+    """
     hulls = shapely.convex_hull(sets.faces[:, :2])
-    return overlaps(hulls[:, 0], hulls[:, 1], area_slack)
+    return _overlaps(hulls[:, 0], hulls[:, 1], area_slack)

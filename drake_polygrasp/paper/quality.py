@@ -1,9 +1,9 @@
 """Section 6: the quality Q of a set of faces, equations 5 to 10.
 
 The text divides distances and areas by their maxima over all valid sets, so Q of a set depends on
-the others: it is 0 for a lone set and for every set of a symmetric object, and one outlier
-flattens q_2. `scale="object"` divides by rho instead, which selects as well and needs no second
-pass.
+the other sets: it is 0 for a lone set and for every set of a symmetric object, and one outlier
+flattens q_2. With `scale="object"` they are divided by rho and rho^2 instead, which selects as well
+and needs no second pass over the sets.
 """
 
 from __future__ import annotations
@@ -17,25 +17,34 @@ from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, FLATNESS
 from drake_polygrasp.vectors import cross, dot
 
 NOISE = FLATNESS
-"""Times rho, ours: on a symmetric object all distances are as long as a file's rounding makes them,
-and their greatest is no scale."""
+"""Our choice, times rho: on a symmetric object all distances are as long as the rounding in a file
+makes them, and the greatest of such distances is no scale."""
 
 
 def q_orientation(phi: Array, alpha: Array) -> Array:
-    """q_4 (eq. 9): how close the extremes of n_i are to Pi_p; angles in rad, shape (M,)."""
+    """Computes q_4 (eq. 9): how close the tips of the normals n_i are to Pi_p.
+
+    Args:
+        phi: angle of Section 4 between the normals and Pi_l, or the segment of a pair [rad], shape
+            (M,).
+        alpha: half-angle of the friction cones [rad], shape (M,).
+
+    Returns:
+        q_4, shape (M,).
+    """
     return np.abs(1 - phi / alpha)
 
 
 def q_directions(nhat: Array, N: Array, *, parallel: bool) -> Array:
-    """q_5 (eq. 10) of triples: how evenly (or, for parallel sets, how exactly) normals oppose.
+    """Computes q_5 (eq. 10) of triples: how evenly normals oppose, or, if parallel, how exactly.
 
     Args:
-        nhat: the sets' normals, shape (M, 3, 3).
+        nhat: inward unit normals, shape (M, 3, 3).
         N: unit normals of Pi_p, shape (M, 3).
-        parallel: which of eq. 10's two cases.
+        parallel: whether the sets are parallel, which selects the case of eq. 10.
 
     Returns:
-        shape (M,).
+        q_5, shape (M,).
     """
     projected = nhat - dot(nhat, N[:, None])[..., None] * N[:, None]
     edge = projected - projected[:, [2, 0, 1]]
@@ -47,16 +56,16 @@ def q_directions(nhat: Array, N: Array, *, parallel: bool) -> Array:
 
 
 def _hull_has_origin(projected: Array, N: Array) -> Bools:
-    """Whether 0 is in the closed hull of three vectors orthogonal to N, with a tolerance.
+    """Tests whether 0 is in the hull of three vectors orthogonal to N, closed and with a tolerance.
 
-    Closed, because on a cube the origin is on the hull's border for every triple.
+    It is closed, because on a cube the origin lies on the border of the hull for every triple.
     """
     following, preceding = projected[:, [1, 2, 0]], projected[:, [2, 0, 1]]
     weight = dot(N[:, None], cross(following, preceding))
     weight *= np.where(weight.sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
     spread = np.abs(weight.sum(axis=1)) > 3 * ANGLE_TOLERANCE
     inside = (weight >= -ANGLE_TOLERANCE).all(axis=1)
-    # All three on one line through the origin: it is between them if two are opposed.
+    # Where all three lie on a line through the origin, it is between them if two are opposed.
     products = dot(projected, preceding).min(axis=1)
     flat: Bools = (np.abs(weight) <= ANGLE_TOLERANCE).all(axis=1) & (products <= 0)
     has: Bools = np.where(spread, inside, flat)
@@ -71,15 +80,19 @@ def q_positions(
     rho: float,
     scale: Literal["paper", "object"],
 ) -> Array:
-    """q_1, q_2, q_3 (eq. 6-8), shape (M, 3).
+    """Computes q_1, q_2 and q_3 (eq. 6 to 8).
 
     Args:
         d_1: distance from c_I^s to c_m^s [m], shape (M,).
         d_2: distance from c_I^p to c_m^p [m], shape (M,).
-        area_s: I^s [m^2], shape (M,).
-        area_p: I^p [m^2], shape (M,).
+        area_s: I^s, the area of F [m^2], shape (M,).
+        area_p: I^p, the area of P [m^2], shape (M,).
         rho: greatest distance from the centre of mass to the surface [m].
-        scale: what to divide by; with "paper", 0/0 counts as 1 (distances below NOISE rho are 0).
+        scale: what distances and areas are divided by: "paper" for their maxima, where 0/0 counts
+            as 1 and distances below `NOISE` rho as 0; "object" for rho and rho^2.
+
+    Returns:
+        The three factors, shape (M, 3).
     """
     if scale == "object":
         q_3 = (np.minimum(1, area_s / rho**2) + np.minimum(1, area_p / rho**2)) / 2
@@ -94,5 +107,5 @@ def q_positions(
 
 
 def _ratio(value: Array, greatest: float, zero: float) -> Array:
-    """Value over the greatest, 1 where the greatest is zero but for rounding."""
+    """Divides by the greatest value; returns 1 where that is zero but for rounding."""
     return value / greatest if greatest > zero else np.ones_like(value)

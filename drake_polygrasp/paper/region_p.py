@@ -1,8 +1,9 @@
-"""Section 6: the segments a_i = Pi_p cut with A_i, and the region P that they leave for forces.
+"""Section 6: the segments a_i = Pi_p cut with A_i, and the region P where lines of force can meet.
 
-A face that is not convex gives several segments; all are kept, for treating them as one puts
-contacts into holes. P may be empty although the set passed Section 4, for whole faces allow more
-than their segments do: then three other offsets of Pi_p within R^s are tried.
+Departures from the text. All segments of a face that is not convex are kept, because treating them
+as one puts contacts into holes. P may be empty although the set passed Section 4, which projects
+whole faces: then three other offsets of Pi_p within R^s are tried. Which of two faces holds two
+contacts is decided here, by the rule of 7.3, because P depends on it.
 """
 
 from __future__ import annotations
@@ -25,20 +26,20 @@ from drake_polygrasp.vectors import cross, dot, product
 
 @dataclass(frozen=True, eq=False)
 class Cut(Batch):
-    """Planes with their segments and a non-empty P, roles settled: A_2 (and A_3) oppose A_1.
+    """Grasp planes with their segments a_i and a non-empty P; A_1 opposes A_2 and A_3.
 
     Attributes:
         owner: index of each row's set, shape (M,).
         region: A_1, A_2, A_3, shape (M, 3).
-        nhat_B: N, shape (M, 3).
-        along_B: as in Planes, shape (M, 3).
-        height: N . p on Pi_p [m], shape (M,).
-        segments: a_1, a_2, a_3: arrays with rows of three; shapes (M, 3, 3), (M, 3, 3), (M, 3, S,
-            2).
-        area_s: i^s [m^2], shape (M,).
-        d_1: [m], shape (M,).
-        area_p: i^p [m^2], shape (M,).
-        p_Bc: c_I^p, centroid of P, a point of Pi_p [m], shape (M, 3).
+        nhat_B: N, unit normal of Pi_p, shape (M, 3).
+        along_B: unit direction in Pi_p, shape (M, 3): n_bs, or n'_i of the face that defines Pi_s.
+        height: N . p of the points of Pi_p [m], shape (M,).
+        segments: a_1, a_2, a_3; its arrays have one axis more, shapes (M, 3, 3), (M, 3, 3) and
+            (M, 3, S, 2).
+        area_s: I^s [m^2], shape (M,).
+        d_1: distance from c_I^s to c_m^s [m], shape (M,).
+        area_p: I^p, the area of P [m^2], shape (M,).
+        p_Bc: c_I^p, centroid of P, expressed in B [m], shape (M, 3).
         d_2: distance from c_I^p to c_m^p [m], shape (M,).
     """
 
@@ -55,7 +56,7 @@ class Cut(Batch):
     d_2: Array
 
 
-def join_cuts(cuts: list[Cut]) -> Cut:
+def _join_cuts(cuts: list[Cut]) -> Cut:
     """One batch of several, in order."""
     if len(cuts) == 1:
         return cuts[0]
@@ -78,7 +79,7 @@ def _segments(
     axis: Array,
     scale: Scale,
 ) -> Section:
-    """a_i for J faces of each row: region (M, J), axis (M, J, 3)."""
+    """Cuts J faces of each row with the row's plane: region (M, J), axis (M, J, 3)."""
     shape = region.shape
     rows = np.repeat(np.arange(shape[0]), shape[1])
     cut = section(
@@ -106,6 +107,7 @@ def _cut(
     p_Bc: Array,
     scale: Scale,
 ) -> Cut:
+    """Adds P's area and centroid, and d_2, to planes and their segments."""
     depth = dot(planes.nhat_B, scale.p_BBcm) - height
     from_cm = p_Bc - scale.p_BBcm + depth[:, None] * planes.nhat_B
     return Cut(
@@ -124,10 +126,10 @@ def _cut(
 
 
 def _at_first_height(planes: Planes, attempt: Callable[[Ints, Array], tuple[Cut, Ints]]) -> Cut:
-    """The planes with P not empty, at their first offset that has one.
+    """Keeps planes whose P is not empty, each at the first of its offsets for which that is so.
 
-    `attempt` takes rows of the planes and offsets for them [m], and says which of the planes its
-    cuts are of.
+    `attempt` cuts the planes of some indices at given offsets [m]; it returns the cuts with a
+    non-empty P and the index of each one's plane.
     """
     pending = np.ones(len(planes.owner), dtype=bool)
     cut, done = attempt(np.flatnonzero(pending), planes.height)
@@ -138,23 +140,25 @@ def _at_first_height(planes: Planes, attempt: Callable[[Ints, Array], tuple[Cut,
             cut, done = attempt(np.flatnonzero(pending), height[pending])
             found.append(cut)
             pending[done] = False
-    return join_cuts(found)
+    return _join_cuts(found)
 
 
 def cut_nonparallel(
     regions: Regions, edges: Boundary, planes: Planes, on: PlaneDirections, scale: Scale
 ) -> Cut:
-    """P of non-parallel sets: intersection of three strips along n'_i, tangent to a_i.
+    """Computes segments and P of non-parallel sets (Section 6).
+
+    P is the intersection of three strips along n'_i, tangent to a_i.
 
     Args:
         regions: all regions.
         edges: their boundary.
         planes: M planes parallel to Pi_l.
-        on: directions on Pi_l of the M planes' sets.
+        on: directions on Pi_l of the planes' sets, M rows.
         scale: the object's size.
 
     Returns:
-        The planes with P not empty, at their first offset that has one.
+        The planes with a non-empty P, each at the first offset that gives one.
     """
 
     def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
@@ -175,9 +179,17 @@ def cut_nonparallel(
 def cut_without_p(
     regions: Regions, edges: Boundary, planes: Planes, axis: Array, scale: Scale
 ) -> Cut:
-    """The segments of planes at their first offset where P is empty: to show why it is.
+    """Computes the segments of planes at their first offset where P is empty, to show why it is.
 
-    Args as of `cut_nonparallel`, and the axes to measure along, shape (M, 3, 3).
+    Args:
+        regions: all regions.
+        edges: their boundary.
+        planes: M planes.
+        axis: unit directions in Pi_p along which the segments are measured, shape (M, 3, 3).
+        scale: the object's size.
+
+    Returns:
+        The cuts, with P of area 0 and a centroid of NaN.
     """
     segments = _segments(regions, edges, planes.region, planes.nhat_B, planes.height, axis, scale)
     area_p, p_Bc = np.zeros(len(planes.owner)), np.full((len(planes.owner), 3), np.nan)
@@ -185,7 +197,19 @@ def cut_without_p(
 
 
 def cut_parallel(regions: Regions, edges: Boundary, planes: Planes, scale: Scale) -> Cut:
-    """P of parallel sets: hull(a_1, a_2, a_3) cut with the strip along n_bs tangent to a_1."""
+    """Computes segments and P of parallel sets (Section 6).
+
+    P is the part of hull(a_1, a_2, a_3) within the strip along n_bs tangent to a_1.
+
+    Args:
+        regions: all regions.
+        edges: their boundary.
+        planes: M planes through n_bs.
+        scale: the object's size.
+
+    Returns:
+        The planes with a non-empty P, each at the first offset that gives one.
+    """
     axis = np.repeat(_across(planes)[:, None], 3, axis=1)
 
     def attempt(rows: Ints, height: Array) -> tuple[Cut, Ints]:
@@ -206,16 +230,22 @@ def cut_two_faces(
     pocket: Shapes,
     scale: Scale,
 ) -> Cut:
-    """P of pairs, as of parallel sets, once the face with two contacts is known.
+    """Computes segments and P of pairs (Section 6); decides which face holds two contacts.
+
+    It is A_i where R_maxT is R_i, else the face with the longer segment (7.3), or each of the two
+    where the segments are equally long. P is that of parallel sets.
 
     Args:
         regions: all regions.
         edges: their boundary.
-        planes: M planes; their regions are the pair's two faces.
-        sets: the pairs, which planes.owner points into.
+        planes: M planes through n_bs.
+        sets: the pairs on their Pi_s, which planes.owner refers to.
         widest: which region R_maxT is, shape (M,).
         pocket: the pocket between the two contacts where R_maxT is R_i, shape (M,).
         scale: the object's size.
+
+    Returns:
+        The planes with a non-empty P, each at the first offset that gives one.
     """
     axis = np.repeat(_across(planes)[:, None], 2, axis=1)
     settled = widest != OVERLAP
@@ -246,16 +276,15 @@ def cut_two_faces(
 
 
 def _across(planes: Planes) -> Array:
+    """Returns the unit direction in Pi_p across `along_B`, shape (M, 3)."""
     return cross(planes.along_B, planes.nhat_B)
 
 
 def _beside_pocket(segments: Section, sets: Opposed, pocket: Shapes) -> Array:
-    """a_2 and a_3 as the two segments of A_i next to the widest gap that lies in the pocket.
+    """Splits A_i's segments into a_2 and a_3 on either side of the widest gap in the pocket.
 
-    Where no gap does (the plane passes below the pocket), both are all of A_i's segments.
-
-    Returns:
-        shape (M, 2, S, 2).
+    They are the two segments next to the gap. Where no gap is in the pocket, because the plane
+    passes beside it, both are all of A_i's segments. Shape (M, 2, S, 2).
     """
     both = segments.intervals[:, 1:].copy()
     intervals = segments.intervals[:, 1]
@@ -277,7 +306,7 @@ def _beside_pocket(segments: Section, sets: Opposed, pocket: Shapes) -> Array:
 def _with_region_p(
     planes: Planes, region: Ints, height: Array, segments: Section, scale: Scale
 ) -> tuple[Cut, Ints]:
-    """The rows whose P = hull(a_1, a_2, a_3) cut with a_1's strip has an area, and which."""
+    """Keeps the rows where P, hull(a_1, a_2, a_3) within a_1's strip, has an area."""
     ends = outer_ends(segments.intervals)
     rows = np.flatnonzero(~np.isnan(ends[..., 0]).any(axis=1))
     left, right = ends[rows, 0].T
@@ -295,7 +324,16 @@ def _with_region_p(
 
 
 def segment_hulls(segments: Section, x_axis: Array, y_axis: Array) -> Shapes:
-    """hull(a_1, a_2, a_3) in coordinates along two unit vectors of Pi_p, shape (M,)."""
+    """Computes hull(a_1, a_2, a_3) in coordinates of Pi_p.
+
+    Args:
+        segments: a_1, a_2, a_3 of M planes, arrays as in `Cut`.
+        x_axis: first unit axis in Pi_p, shape (M, 3).
+        y_axis: second unit axis in Pi_p, shape (M, 3).
+
+    Returns:
+        Convex hulls, shape (M,).
+    """
     ends = outer_ends(segments.intervals)
     points = segments.p_BS[:, :, None] + ends[..., None] * segments.slope_B[:, :, None]
     axes = np.stack([x_axis, y_axis], axis=2)

@@ -1,7 +1,7 @@
 """The flow chart of Sections 4 to 7: every set of faces ends with contact points or one reason.
 
-Sets pass the stages in batches, chunk by chunk; what a stage rejects keeps that stage's reason.
-Contacts are constructed here, not proved: whoever returns them as a grasp must certify them.
+Sets pass the stages in batches; a set that a stage rejects keeps that stage's reason. Contacts are
+constructed here and not proved: whoever returns them as a grasp must certify them.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Batch, Bools, Ints, join_rows
 from drake_polygrasp.digits import to_decimals
@@ -53,6 +52,7 @@ from drake_polygrasp.paper.reasons import (
     EQUAL_QUALITY,
     UNJUDGED,
     Candidates,
+    Codes,
     Method,
     SetPlan,
     has_contacts,
@@ -62,11 +62,12 @@ from drake_polygrasp.paper.two_faces import choices, two_face_planes
 from drake_polygrasp.vectors import unit
 
 _OPPOSING_FIRST = np.array([[0, 1, 2], [1, 0, 2], [2, 0, 1]])
+"""Order of three faces with face 0, 1 or 2 as A_1."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Found(Batch):
-    """Chosen rows with contacts: a variant each; what paper-scaled Q still needs of them."""
+    """Sets with contacts, one row for each variant, with what Q scaled by maxima still needs."""
 
     set_index: Ints
     region: Ints
@@ -92,22 +93,25 @@ def plan_sets(
     spread: bool = True,
     chosen: Ints | None = None,
 ) -> SetPlan:
-    """Runs Sections 4 to 7 on all sets of three and of two regions, or on chosen ones.
+    """Takes all sets of three and of two regions, or chosen ones, through Sections 4 to 7.
 
     Args:
         regions: the eroded faces A_i.
-        p_BBcm: centre of mass [m], shape (3,).
-        diameter: L [m].
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
+        diameter: L, greatest distance between two vertices [m].
         rho: greatest distance from the centre of mass to the surface [m].
         method: "paper" as the text is read here; "enriched" scales Q by the object.
-        spread: whether "enriched" tries all of `SPREADS`.
-        chosen: the only sets to evaluate, ascending, -1 for a pair's third, shape (M, 3).
+        spread: whether "enriched" tries all of `SPREADS` in 7.2 and 7.3.
+        chosen: the only sets to evaluate, ascending, -1 for the third of a pair, shape (M, 3).
+
+    Returns:
+        Every set with its reason, and the contacts constructed, triples first.
     """
     spreads = SPREADS if method == "enriched" and spread else (HALF,)
     scale = Scale(p_BBcm, rho, diameter)
     stages = _Stages(regions, boundary(regions), scale, method, spreads)
     sets: list[Ints] = []
-    codes: list[npt.NDArray[np.int8]] = []
+    codes: list[Codes] = []
     found: list[_Found] = []
     first = 0
     for batch in _batches(len(regions.face), chosen):
@@ -117,15 +121,11 @@ def plan_sets(
         codes.append(code)
         found.extend(some)
         first += len(batch)
-    return SetPlan(
-        np.concatenate(sets),
-        np.concatenate(codes),
-        _candidates(found, rho, method),
-    )
+    return SetPlan(np.concatenate(sets), np.concatenate(codes), _candidates(found, rho, method))
 
 
 def _batches(num_regions: int, chosen: Ints | None) -> Iterator[Ints]:
-    """Triples, shape (M, 3), and last the pairs, shape (M, 2)."""
+    """Yields the triples in batches of shape (M, 3), and last the pairs, shape (M, 2)."""
     if chosen is None:
         yield from triples(num_regions)
         yield pairs(num_regions)
@@ -136,7 +136,7 @@ def _batches(num_regions: int, chosen: Ints | None) -> Iterator[Ints]:
 
 
 def _candidates(found: list[_Found], rho: float, method: Method) -> Candidates:
-    """All that was found; one part at least, that of the pairs, perhaps without rows."""
+    """Joins what was found in the order of the sets, with the factors of Q."""
     rows = join_rows(*found)
     scale: Literal["paper", "object"] = "paper" if method == "paper" else "object"
     q = np.column_stack(
@@ -154,7 +154,11 @@ def _candidates(found: list[_Found], rho: float, method: Method) -> Candidates:
 
 @dataclass(frozen=True, eq=False)
 class _Stages:
-    """The stages on one object; each method takes a batch of sets through all of them."""
+    """The stages on one object; each method takes a batch of sets through them.
+
+    Sets of a batch are numbered from `first` among all sets. `where` holds positions in the batch,
+    whose `code` a stage sets to its own reason before it keeps only the sets that pass.
+    """
 
     regions: Regions
     edges: Boundary
@@ -162,8 +166,8 @@ class _Stages:
     method: Method
     spreads: tuple[float, ...]
 
-    def triples(self, region: Ints, first: int) -> tuple[npt.NDArray[np.int8], list[_Found]]:
-        """Sets of three regions, shape (M, 3), the first of them number `first` of all sets."""
+    def triples(self, region: Ints, first: int) -> tuple[Codes, list[_Found]]:
+        """Plans sets of three regions, shape (M, 3); returns their codes and what was found."""
         nhat = self.regions.nhat_TB_B[region]
         alpha = friction_angle(self.regions.mu[region])
         code = np.full(len(region), CODE["orientation"], dtype=np.int8)
@@ -186,8 +190,9 @@ class _Stages:
         return code, found
 
     def _nonparallel(
-        self, region: Ints, alpha: Array, code: npt.NDArray[np.int8], where: Ints, first: int
+        self, region: Ints, alpha: Array, code: Codes, where: Ints, first: int
     ) -> _Found:
+        """Plans non-parallel sets: regions R^l and R^s, Pi_p, P, and contacts by 7.1."""
         regions, edges, scale = self.regions, self.edges, self.scale
         nhat = regions.nhat_TB_B[region]
         N, sine = sine_of_tips_plane(nhat)
@@ -224,10 +229,11 @@ class _Stages:
         alpha: Array,
         nhat_bs: Array,
         radius: Array,
-        code: npt.NDArray[np.int8],
+        code: Codes,
         where: Ints,
         first: int,
     ) -> _Found:
+        """Plans parallel sets with A_1 first: position, s_e, Pi_p, P, and contacts by 7.2."""
         regions, edges, scale = self.regions, self.edges, self.scale
         code[where] = CODE["not_opposed"]
         sets = opposed(regions, region, nhat_bs)
@@ -250,8 +256,8 @@ class _Stages:
         q_5 = q_directions(nhat, cut.nhat_B, parallel=True)
         return self._opposed_contacts(cut, q_4, q_5, code, where, first)
 
-    def pairs(self, region: Ints, first: int) -> tuple[npt.NDArray[np.int8], list[_Found]]:
-        """Sets of two regions, shape (M, 2), the first of them number `first` of all sets."""
+    def pairs(self, region: Ints, first: int) -> tuple[Codes, list[_Found]]:
+        """Plans sets of two regions, shape (M, 2); returns their codes and what was found."""
         regions, edges, scale = self.regions, self.edges, self.scale
         nhat = regions.nhat_TB_B[region]
         alpha = friction_angle(regions.mu[region])
@@ -276,25 +282,23 @@ class _Stages:
         return code, [found]
 
     def _opposed_contacts(
-        self,
-        cut: Cut,
-        q_4: Array,
-        q_5: Array,
-        code: npt.NDArray[np.int8],
-        where: Ints,
-        first: int,
+        self, cut: Cut, q_4: Array, q_5: Array, code: Codes, where: Ints, first: int
     ) -> _Found:
+        """Constructs contacts by 7.2 or 7.3 on the best plane of each set, for every spread.
+
+        A set's reason is that of the first spread, the text's.
+        """
         best = self._best(cut, q_4, q_5)
         variants = np.repeat(best, len(self.spreads))
         cut, q_4, q_5 = cut.take(variants), q_4[variants], q_5[variants]
         where = where[cut.owner]
         contacts = opposed_contacts(cut, self.scale, np.tile(self.spreads, len(best)))
-        is_text = slice(None, None, len(self.spreads))
+        is_text = slice(None, None, len(self.spreads))  # The first spread is `HALF`.
         self._mark(code, where[is_text], contacts[is_text], "wrong_order")
         return self._found(cut, contacts, q_4, q_5, where + first, is_parallel=True)
 
     def _best(self, cut: Cut, q_4: Array, q_5: Array) -> Ints:
-        """The row of best Q of each set; Q by the object's size, which needs no other set."""
+        """Selects the plane of best Q of each set, Q being scaled by the object."""
         q = q_positions(cut.d_1, cut.d_2, cut.area_s, cut.area_p, self.scale.rho, "object")
         located = q.prod(axis=1)
         num_sets = int(cut.owner.max(initial=-1)) + 1
@@ -304,7 +308,8 @@ class _Stages:
         return first
 
     @staticmethod
-    def _mark(code: npt.NDArray[np.int8], where: Ints, contacts: Array, failure: str) -> None:
+    def _mark(code: Codes, where: Ints, contacts: Array, failure: str) -> None:
+        """Sets the codes of sets with contacts to `UNJUDGED`, those of others to the failure's."""
         code[where] = np.where(has_contacts(contacts), UNJUDGED, CODE[failure])
 
     def _found(

@@ -1,7 +1,8 @@
-"""What strips of a plane share, and what they leave of convex polygons, row by row.
+"""Intersections of strips, and of strips with convex polygons, in planes of the paper.
 
-R^l and P of non-parallel sets are what three strips share (Sections 4.1 and 6); F, and P of
-parallel sets and pairs, what a strip leaves of a hull (Sections 5 and 6).
+R^l and P of non-parallel sets are intersections of three strips (Sections 4.1 and 6). F of all
+sets, and P of parallel sets and pairs, are the part of a convex hull within a strip (Sections 5 and
+6).
 """
 
 from __future__ import annotations
@@ -14,16 +15,19 @@ from drake_polygrasp.vectors import dot
 
 
 def strips_meet(turn: Array, low: Array, high: Array, slack: float) -> Bools:
-    """Whether three strips low_i <= t_i . p <= high_i of a plane share more than a point.
+    """Tests whether three strips low_i <= t_i . p <= high_i of a plane have an interior in common.
 
-    The three values t_i . p of any point satisfy sum turn_i (t_i . p) = 0 and no other relation,
-    so the strips meet if and only if this plane cuts the box of their bounds.
+    The values t_i . p of a point satisfy sum turn_i (t_i . p) = 0 and no other relation, so the
+    strips meet if and only if this plane cuts the box of their bounds.
 
     Args:
         turn: (t_2 x t_3, t_3 x t_1, t_1 x t_2) . N, shape (K, 3).
-        low: shape (K, 3) [m].
-        high: shape (K, 3) [m].
-        slack: what an intersection must exceed [m].
+        low: lower bounds of the strips [m], shape (K, 3).
+        high: upper bounds of the strips [m], shape (K, 3).
+        slack: how far the plane must cut into the box [m].
+
+    Returns:
+        Whether the strips meet, shape (K,).
     """
     middle, half = (low + high) / 2, (high - low) / 2
     meet: Bools = np.abs(dot(turn, middle)) < dot(np.abs(turn), half) - slack
@@ -31,19 +35,22 @@ def strips_meet(turn: Array, low: Array, high: Array, slack: float) -> Bools:
 
 
 def strips_polygon(that: Array, turn: Array, low: Array, high: Array) -> Array:
-    """The common polygon of three strips, shape (K, 10, 2), some vertices repeated.
+    """Computes the polygon in which three strips of a plane intersect.
 
     Args:
-        that: unit normals t_i of the strips in the plane's coordinates, shape (K, 3, 2).
-        turn: as in `strips_meet`, shape (K, 3).
-        low: shape (K, 3) [m].
-        high: shape (K, 3) [m].
+        that: unit normals t_i of the strips in coordinates of the plane, shape (K, 3, 2).
+        turn: (t_2 x t_3, t_3 x t_1, t_1 x t_2) . N, shape (K, 3).
+        low: lower bounds of the strips [m], shape (K, 3).
+        high: upper bounds of the strips [m], shape (K, 3).
+
+    Returns:
+        Vertices in order, some repeated [m], shape (K, 10, 2); NaN where nothing is left.
     """
     rows = np.arange(len(that))
-    last = np.argmax(np.abs(turn), axis=1)  # the other two are the least parallel pair
+    last = np.argmax(np.abs(turn), axis=1)  # The other two strips are the least parallel pair.
     first, second = (last + 1) % 3, (last + 2) % 3
     bounds = np.stack([low, high], axis=-1)
-    # p moves along the second strip where only t_1 . p changes, along the first where t_2 . p does.
+    # A point moves along the second strip where only t_1 . p changes, and vice versa.
     area = turn[rows, last, None]
     along_1, along_2 = _quarter_turn(that[rows, first]), _quarter_turn(that[rows, second])
     of_1 = bounds[rows, first][:, [0, 1, 1, 0], None] * (-along_2 / area)[:, None]
@@ -53,7 +60,7 @@ def strips_polygon(that: Array, turn: Array, low: Array, high: Array) -> Array:
 
 
 def _quarter_turn(vectors: Array) -> Array:
-    """Plane vectors turned counter-clockwise, (K, 2) to (K, 2)."""
+    """Turns plane vectors (K, 2) counter-clockwise by a right angle."""
     turned: Array = vectors[:, ::-1] * np.array([-1.0, 1.0])
     return turned
 
@@ -62,12 +69,13 @@ def clip_polygon(vertices: Array, normal: Array, offset: Array) -> Array:
     """Cuts convex polygons with the half-planes normal . p <= offset.
 
     Args:
-        vertices: shape (K, V, 2); repeated vertices are allowed, order is kept.
-        normal: shape (K, 2).
-        offset: shape (K,).
+        vertices: vertices in order, repeated ones allowed [m], shape (K, V, 2).
+        normal: normals of the half-planes, shape (K, 2).
+        offset: offsets of the half-planes [m], shape (K,).
 
     Returns:
-        shape (K, V + 2, 2), padded by repeating the last vertex; NaN where nothing is left.
+        Vertices in order, the last repeated as padding [m], shape (K, V + 2, 2); NaN where nothing
+        is left.
     """
     num_rows, num_vertices, _ = vertices.shape
     rows, following = np.arange(num_rows)[:, None], _following(num_vertices)
@@ -88,12 +96,19 @@ def clip_polygon(vertices: Array, normal: Array, offset: Array) -> Array:
 
 
 def _following(num_vertices: int) -> Ints:
-    """The vertex after each of a ring's."""
+    """Returns the index of the next vertex in a ring."""
     return np.arange(1, num_vertices + 1) % num_vertices
 
 
 def area_and_centroid(vertices: Array) -> tuple[Array, Array]:
-    """Areas (K,) and centroids (K, 2) of convex polygons (K, V, 2) with positive area."""
+    """Computes areas and centroids of convex polygons.
+
+    Args:
+        vertices: vertices in order [m], shape (K, V, 2).
+
+    Returns:
+        Areas [m^2], shape (K,), and centroids [m], shape (K, 2).
+    """
     p = vertices - vertices[:, :1]
     q = p[:, _following(p.shape[1])]
     twice = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
@@ -104,10 +119,18 @@ def area_and_centroid(vertices: Array) -> tuple[Array, Array]:
 
 
 def hulls_in_strips(hulls: Shapes, low: Array, high: Array) -> tuple[Array, Array]:
-    """Areas (K,) and centroids (K, 2) of what strips low <= y <= high leave of convex hulls.
+    """Computes areas and centroids of the parts of convex polygons within strips low <= y <= high.
 
-    Along the strip's bounds y does not change, and they add nothing to integrals over y around the
-    rest: it suffices to shorten the hull's own edges.
+    Area and moments are integrals over y around the part's boundary. Along the strip's bounds y
+    does not change, so only the hull's own edges, cut at the bounds, contribute.
+
+    Args:
+        hulls: convex polygons, shape (K,).
+        low: lower bound of each strip [m], shape (K,).
+        high: upper bound of each strip [m], shape (K,).
+
+    Returns:
+        Areas [m^2], shape (K,), and centroids [m], shape (K, 2).
     """
     points, owner = shapely.get_coordinates(hulls, return_index=True)
     rows = np.arange(len(hulls))

@@ -1,6 +1,6 @@
-"""Sections 4 to 7 for one set of faces, step by step.
+"""Sections 4 to 7 for one set of faces, with what each step computes.
 
-The stages are the planner's own, with one set in the batch; nothing is decided here.
+The steps are the planner's own functions on a batch of one set; the outcome is the planner's.
 """
 
 from __future__ import annotations
@@ -58,24 +58,28 @@ from drake_polygrasp.vectors import unit
 def trace_set(
     object_: GraspObject, faces: Sequence[int], edge_clearance: float | None = None
 ) -> SetTrace:
-    """Follows one set of faces through the paper (`method="paper"`).
+    """Computes what every step of the paper (`method="paper"`) finds for one set of faces.
 
     Where erosion leaves several regions of a face, the set of regions with the best Q is taken.
 
     Args:
-        object_: what to grasp.
-        faces: two or three indices into its polyhedron.
-        edge_clearance: least distance of a contact from its face's edges [m]; as `plan_grasps`.
+        object_: the object to grasp.
+        faces: two or three indices of faces of its polyhedron.
+        edge_clearance: least distance of a contact from the edges of its face [m]; None for the
+            default of `plan_grasps`.
+
+    Returns:
+        The trace, up to the step that ended the set.
 
     Raises:
-        UsageError: when there are no such faces, or none wide enough for a finger.
+        UsageError: when `faces` are not two or three faces wide enough for a finger.
     """
     regions = erode(object_.polyhedron, edge_clearance)
     wanted = set(faces)
     if len(wanted) not in (2, 3) or not wanted <= set(regions.face.tolist()):
         raise UsageError(
-            f"faces {tuple(faces)} are no set of two or three; faces that a finger can use are "
-            f"{np.unique(regions.face).tolist()}"
+            f"{tuple(faces)} is not a set of two or three faces wide enough for a finger; those "
+            f"that are: {np.unique(regions.face).tolist()}"
         )
     regions = _only(regions, np.flatnonzero(np.isin(regions.face, list(wanted))))
     scale = Scale(object_.p_BBcm, object_.rho, object_.polyhedron.diameter)
@@ -93,7 +97,7 @@ def trace_set(
 
 
 def _only(regions: Regions, rows: Ints) -> Regions:
-    """Some of the regions."""
+    """Returns the regions of some rows."""
     ring, owner = gather(regions.region_offsets, rows)
     vertex, ring_owner = gather(regions.ring_offsets, ring)
 
@@ -112,7 +116,7 @@ def _only(regions: Regions, rows: Ints) -> Regions:
 
 @dataclass(frozen=True, eq=False)
 class _Steps:
-    """One set through the stages; `best` is the planner's outcome."""
+    """The steps on one set of faces; `best` is the planner's candidate, if P was not empty."""
 
     regions: Regions
     edges: Boundary
@@ -144,10 +148,8 @@ class _Steps:
     def pair(self, region: Ints) -> SetTrace:
         regions, edges, scale = self.regions, self.edges, self.scale
         nhat = regions.nhat_TB_B[region][None]
-        alpha, phi = (
-            friction_angle(regions.mu[region][None]),
-            to_decimals(np.arcsin(sine_of_pair(nhat))),
-        )
+        alpha = friction_angle(regions.mu[region][None])
+        phi = to_decimals(np.arcsin(sine_of_pair(nhat)))
         region = region[[0, 1, 1]]
         if self.reason == "orientation":
             return self._trace(region, alpha, phi)
@@ -212,15 +214,15 @@ class _Steps:
         on_pi_l: OnPiL | None = None,
         heights: Array | None = None,
     ) -> SetTrace:
-        """Where no plane Pi_p was found."""
+        """Traces a set for which no plane Pi_p was found."""
         faces, p_cm = self._projected(region, axes), axes @ self.scale.p_BBcm
         on_pi_s = OnPiS(axes, faces, shapely.Polygon(), None, None, None, p_cm, heights)
         return self._trace(region, alpha, phi, on_pi_l, on_pi_s, is_parallel=on_pi_l is None)
 
     def _chosen(self, planes: Planes, cut: Cut, axis: Array) -> tuple[int, Cut]:
-        """The plane, and the row of `cut`, that became the planner's candidate.
+        """Finds the plane, and its row of `cut`, that became the planner's candidate.
 
-        Without one, the first plane, and what it cuts: measured along `axis`, shape (R, 3, 3).
+        Without one, these are the first plane and its segments along `axis`, shape (R, 3, 3).
         """
         if self.best is None or not len(cut.owner):
             first = planes.take(np.array([0]))
@@ -263,7 +265,7 @@ class _Steps:
         )
 
     def _on_pi_p(self, cut: Cut, on: PlaneDirections | None) -> OnPiP:
-        """One row's plane; `on` of a non-parallel set."""
+        """Traces the plane of one cut; `on` is given for a non-parallel set."""
         N, along = cut.nhat_B[0], cut.along_B[0]
         axes = np.stack([np.cross(along, N), along])
         hull = segment_hulls(cut.segments, axes[:1], axes[1:])[0]
@@ -299,7 +301,7 @@ class _Steps:
 
     @staticmethod
     def _segments(cut: Cut, i: int, axes: Array) -> shapely.MultiLineString:
-        """a_i in the plane's coordinates."""
+        """Returns a_i in coordinates of the plane."""
         s = cut.segments.intervals[0, i]
         s = s[np.isfinite(s).all(axis=1)]
         points = cut.segments.p_BS[0, i] + s[..., None] * cut.segments.slope_B[0, i]

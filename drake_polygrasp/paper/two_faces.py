@@ -1,8 +1,8 @@
-"""Section 5 for two faces: R_maxT, the direction l_u, and the position of Pi_p.
+"""Section 5 for two faces: the region R_maxT, the direction l_u, and the position of Pi_p.
 
-Departures from the text: when R_maxT is a hole of A_i it has no lid edge l_u, and a fan of
-directions stands in; which face holds two contacts is settled on the plane, before P, by 7.3's
-rule (region_p.py).
+Departures from the text: where R_maxT is a hole of A_i, no edge closes it and there is no l_u, so a
+fan of directions replaces it; which face holds two contacts is decided on the plane, before P is
+computed, by the rule of 7.3 (see region_p.py).
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from drake_polygrasp.paper.grasp_plane import (
     fan_directions,
     grouped_ties,
     inset,
-    line_through,
     opposed_planes,
     ring_edges,
 )
-from drake_polygrasp.paper.planar import Scale, centroids
+from drake_polygrasp.paper.planar import Scale, centroids, line_through
 from drake_polygrasp.paper.position import Opposed
 from drake_polygrasp.vectors import dot, unit
 
-OVERLAP, FIRST, SECOND = 0, 1, 2  # R_maxT is A_12, R_1 or R_2
+OVERLAP, FIRST, SECOND = 0, 1, 2
+"""Which region R_maxT is: A_12, R_1 or R_2."""
 
 
 @dataclass(frozen=True, eq=False)
 class Choices(Batch):
-    """Directions l_u for pairs of faces, one row each.
+    """Directions l_u of pairs of faces, one row for each direction.
 
     Attributes:
         owner: index of each row's pair, shape (R,).
         direction: l_u in coordinates (u, v) of Pi_s, shape (R, 2).
         widest: which region R_maxT is: OVERLAP, FIRST or SECOND, shape (R,).
-        pocket: the part of hull(A_i^s) - A_i^s that holds R_i; A_12 where R_maxT is A_12, shape
-            (R,).
+        pocket: the part of hull(A_i^s) - A_i^s that contains R_i, or A_12 where R_maxT is A_12,
+            shape (R,).
     """
 
     owner: Ints
@@ -52,10 +52,19 @@ class Choices(Batch):
 
 
 def choices(sets: Opposed, scale: Scale) -> Choices:
-    """R_maxT and l_u; a pair whose three regions are all empty has no row."""
+    """Finds R_maxT and l_u of pairs of faces (Section 5).
+
+    Args:
+        sets: the pairs on their Pi_s.
+        scale: the object's size.
+
+    Returns:
+        The directions: several for a pair where edges are equally long or R_maxT is a hole, none
+        where A_12, R_1 and R_2 are all empty.
+    """
     faces = sets.faces[:, :2]
     hulls, overlap = shapely.convex_hull(faces), shapely.intersection(*faces.T)
-    # A convex face has no R_i.
+    # The hull of a convex face leaves no R_i.
     dented = shapely.area(hulls) - shapely.area(faces) > scale.area_slack
     outside = np.full_like(faces, None)
     outside[dented] = shapely.difference(hulls[dented], faces[dented])
@@ -90,9 +99,9 @@ def choices(sets: Opposed, scale: Scale) -> Choices:
 
 
 def _longest_edges(shapes: Shapes, scale: Scale) -> tuple[Ints, Array]:
-    """The longest edges of each shape, one of each direction: owners (R,), vectors (R, 2)."""
-    # An overlay leaves vertices in the middle of straight edges; preserving the topology, GEOS
-    # keeps them where a ring would become a triangle.
+    """Finds the longest edges of each shape, one a direction: owners (R,) and vectors (R, 2)."""
+    # Intersections have vertices in the middle of straight edges. Told to preserve the topology,
+    # GEOS would keep those of rings that become triangles.
     plain = shapely.simplify(shapes, scale.length_slack, preserve_topology=False)
     tail, head, owner = ring_edges(plain)
     edge = head - tail
@@ -110,7 +119,7 @@ def _longest_edges(shapes: Shapes, scale: Scale) -> tuple[Ints, Array]:
 
 
 def _pockets(outside: Shapes, other: Shapes, scale: Scale) -> tuple[Shapes, Ints]:
-    """The parts of hull(A_i) - A_i that overlap the other face most, and whose they are."""
+    """Finds the parts of hull(A_i^s) - A_i^s that overlap the other face most, and their owners."""
     parts, owner = shapely.get_parts(outside, return_index=True)
     area = shapely.area(shapely.intersection(parts, other[owner]))
     best = grouped_ties(area, owner, len(outside), scale.area_slack)
@@ -118,8 +127,8 @@ def _pockets(outside: Shapes, other: Shapes, scale: Scale) -> tuple[Shapes, Ints
 
 
 def _lids(hull: Shapes, pocket: Shapes, scale: Scale) -> tuple[Ints, Array]:
-    """Edges of the pockets that close them: owners (R,) and vectors (R, 2); none for a hole."""
-    # Not the hull's own edges, one of which may span several pockets of a comb.
+    """Finds the longest edge that closes each pocket, none for a hole: owners and vectors."""
+    # Edges of the pocket, not of the hull, whose edge may close several pockets of a comb.
     tail, head, owner = ring_edges(pocket)
     edge = head - tail
     gap = shapely.distance(shapely.points((tail + head) / 2), shapely.boundary(hull)[owner])
@@ -132,20 +141,26 @@ def _lids(hull: Shapes, pocket: Shapes, scale: Scale) -> tuple[Ints, Array]:
 def two_face_planes(
     edges: Boundary, sets: Opposed, rows: Choices, scale: Scale
 ) -> tuple[Planes, Ints]:
-    """Planes Pi_p parallel to l_u, with their position; only those with R^s not empty.
+    """Computes the planes Pi_p of pairs: through n_bs and l_u, at their position (Section 5).
+
+    Args:
+        edges: boundary of all regions.
+        sets: the pairs on their Pi_s.
+        rows: directions l_u, from `choices`.
+        scale: the object's size.
 
     Returns:
-        The planes, and the row of each in `rows`.
+        The planes whose R^s is not empty, and the row of each in `rows`.
     """
     planes, kept = opposed_planes(edges, sets, rows.owner, rows.direction, scale)
     on_overlap = np.flatnonzero(rows.widest[kept] == OVERLAP)
     sets = sets.take(planes.owner[on_overlap])
     N = planes.nhat_B[on_overlap]
-    # Heights along N of points (u, v) of Pi_s; N has no part along n_bs.
+    # Maps points (u, v) of Pi_s to heights along N, which is orthogonal to n_bs.
     to_height = np.stack([dot(sets.u, N), dot(sets.v, N)], axis=1)
     height = planes.height.copy()
     through = _height_in_overlap(sets, rows.pocket[kept][on_overlap], to_height, scale)
-    # L_c misses A_12 where it runs between two parts of it: the rule for three faces stands in.
+    # Where L_c runs between two parts of A_12, the rule for three faces applies.
     height[on_overlap] = inset(
         np.where(np.isnan(through), height[on_overlap], through),
         planes.low[on_overlap],
@@ -155,7 +170,9 @@ def two_face_planes(
 
 
 def _height_in_overlap(sets: Opposed, overlap: Shapes, to_height: Array, scale: Scale) -> Array:
-    """Position of Pi_p when R_maxT = A_12: through c_m, the centroid of A_12, or the middle of L_c.
+    """Positions Pi_p where R_maxT is A_12: through c_m, the centroid of A_12, or the middle of L_c.
+
+    Where L_c cuts A_12 in several pieces, the middle of the longest is taken.
 
     Returns:
         N . p [m], shape (M,); NaN where L_c misses A_12.

@@ -209,7 +209,7 @@ def test_a_section_is_the_outline_of_the_object() -> None:
 
 def test_faces_that_are_no_set_are_a_usage_error() -> None:
     for faces in ((1,), (1, 2, 3, 4), (1, 99)):
-        with pytest.raises(UsageError, match="no set of two or three"):
+        with pytest.raises(UsageError, match="not a set of two or three faces"):
             trace_set(object_("l_bracket"), faces)
 
 
