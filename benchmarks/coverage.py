@@ -35,7 +35,7 @@ from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.pipeline.proposals import constructed
 from drake_polygrasp.pipeline.request import make_request
-from drake_polygrasp.search.selection import Steps
+from drake_polygrasp.settings import PlanOptions
 from drake_polygrasp.wrenches.epsilon_estimate import epsilon_estimates
 
 SHARE_OF_RANDOM = 0.99
@@ -93,7 +93,7 @@ def compare(subject: HardObject) -> Comparison:
 
 def best_of_paper(object_: GraspObject) -> float:
     """The greatest epsilon of all that the paper's stages construct and that is proved."""
-    work = constructed(make_request(object_, "paper", None, None, (), (), None), Steps())
+    work = constructed(make_request(object_, PlanOptions(method="paper")))
     judge = Judge(work)
     rows = judge.open_rows
     estimate = epsilon_estimates(*work.contacts_of(rows), object_.p_BBcm, object_.rho)

@@ -34,7 +34,7 @@ from drake_polygrasp import GraspObject, GraspPlan, load_object, plan_grasps
 from drake_polygrasp.arrays import Array, join_rows
 from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
-from drake_polygrasp.pipeline.request import TIP_RADIUS
+from drake_polygrasp.settings import TIP_RADIUS
 
 CUBE = Path(__file__).resolve().parents[1] / "models" / "cube" / "cube.sdf"
 SEED = 0

@@ -85,7 +85,7 @@ def result(scan_: Scan, top: int) -> Result:
         seconds = perf_counter() - start
         if not plan.grasps:
             return Result([], 0, None, seconds)
-        scene = make_scene(object_, plan.grasps[0].grasp, plan.settings["tip_radius"])
+        scene = make_scene(object_, plan.grasps[0].grasp, plan.settings.tip_radius)
         fits = [check_geometry(replace(scene, grasp=found.grasp)) for found in plan.grasps]
     faults = [fit.faults[0] for fit in fits if fit.faults]
     return Result(faults, len(fits), plan.grasps[0].certificate.epsilon_lower, seconds)

@@ -28,6 +28,7 @@ PAGES = {
         "pipeline",
         "plant",
         "search",
+        "settings",
         "verification",
         "visualization",
         "wrenches",

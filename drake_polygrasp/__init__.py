@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.pipeline.plant_ranking import rank_in_plant
     from drake_polygrasp.plant.certify_in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.plant.grasp_forces import GraspForces
+    from drake_polygrasp.settings import PlanSettings
     from drake_polygrasp.verification.report import VerificationReport
     from drake_polygrasp.verification.verify import verify_file
 
@@ -70,6 +71,7 @@ __all__ = [
     "ModelError",
     "Obstacles",
     "OptimalityGap",
+    "PlanSettings",
     "PlantRecord",
     "PlantReport",
     "PlantVerdict",
@@ -115,6 +117,7 @@ _HOMES = {
     "pipeline.plant_ranking": ("rank_in_plant",),
     "plant.certify_in_plant": ("PlantReport", "certify_in_plant"),
     "plant.grasp_forces": ("GraspForces",),
+    "settings": ("PlanSettings",),
     "verification.report": ("VerificationReport",),
     "verification.verify": ("verify_file",),
 }

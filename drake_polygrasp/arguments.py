@@ -10,10 +10,10 @@ import math
 import os
 import reprlib
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -265,15 +265,32 @@ def check_flag(name: str, value: object) -> bool:
     return bool(value)
 
 
-def check_callback(name: str, value: object) -> None:
-    """Checks a callback; None is allowed.
+Progress: TypeAlias = Callable[[int, int], None]
+"""A function that is called with the number of steps done and the greatest number of steps."""
+
+
+def check_progress(name: str, value: Progress | None) -> Progress:
+    """Returns a progress callback.
 
     Args:
         name: what messages call the argument.
         value: the argument as it was given.
+
+    Returns:
+        The callback, or `no_progress` for None.
 
     Raises:
         UsageError: when it is neither None nor callable.
     """
     if value is not None and not callable(value):
         raise refuse(name, value, "a function, or None")
+    return value or no_progress
+
+
+def no_progress(done: int, total: int) -> None:
+    """Ignores the progress, for callers that pass no callback.
+
+    Args:
+        done: number of steps done.
+        total: greatest number of steps.
+    """

@@ -98,7 +98,7 @@ def choose_grasp(plant: MultibodyPlant, body: RigidBody, context: Context, task:
     for found in plan.grasps:
         if found.certificate.squeeze_force is not None:
             squeeze = float(found.certificate.squeeze_force * most / LOAD_SHARE)
-            tip_radius = plan.settings["tip_radius"]
+            tip_radius = plan.settings.tip_radius
             target = Target(object_, obstacles.X_WB, found, tip_radius, squeeze)
             if is_approach_clear(plant, context, target.spheres(), STANDOFF):
                 return target

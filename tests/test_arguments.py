@@ -38,6 +38,7 @@ from drake_polygrasp import (
 )
 from drake_polygrasp.arguments import check_array, check_count, check_number, check_path
 from drake_polygrasp.arrays import frozen
+from drake_polygrasp.files.stated_grasp import StatedPlan
 from tests.loading.test_plant_objects import CUBE, anchored, world
 from tests.support.grasp_files import write_box
 from tests.support.plant_scenes import cube_grasp, model, top_grasp
@@ -237,7 +238,7 @@ def test_whatever_is_wrong_with_an_argument_is_one_line_of_ours(
             "squeeze is None; it must be a force above 0 N",
         ),
         (
-            lambda: save_grasps("x", model("cube"), [cube_grasp()], {}),  # type: ignore[list-item]
+            lambda: save_grasps("x", model("cube"), [cube_grasp()], StatedPlan()),  # type: ignore[list-item]
             "it must be a CertifiedGrasp, as plan.grasps holds them",
         ),
         (
@@ -287,7 +288,12 @@ def test_a_certified_grasp_is_as_good_as_a_grasp(tmp_path: Path) -> None:
     assert isinstance(certified, CertifiedGrasp)
     for one, other in zip(contact_poses(certified), contact_poses(certified.grasp), strict=True):
         assert one.IsExactlyEqualTo(other)
-    save_grasps(tmp_path / "x.grasp.yaml", model("cube"), [certified], {"tip_radius": tip_radius})
+    save_grasps(
+        tmp_path / "x.grasp.yaml",
+        model("cube"),
+        [certified],
+        StatedPlan({"tip_radius": tip_radius}),
+    )
     (stated,) = load_grasps(tmp_path / "x.grasp.yaml").grasps
     for one, other in zip(contact_poses(certified), contact_poses(stated), strict=True):
         assert one.IsExactlyEqualTo(other)

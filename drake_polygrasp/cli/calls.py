@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.cli.child_process import READ_SECONDS, WORK_SECONDS, ChildLimits, call_in_child
 from drake_polygrasp.cli.reporting import warn
@@ -19,6 +20,17 @@ def child_limits(
     """What a child is to do; machines that read JSON through a pipe are told no progress."""
     quiet = getattr(arguments, "json", False) and not sys.stdout.isatty()
     return ChildLimits(name, seconds, unit, quiet)
+
+
+def planning_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What is asked of a plan: those of the command's options that `PlanOptions` has, by name."""
+    from drake_polygrasp.settings import PlanOptions
+
+    return {
+        field.name: getattr(arguments, field.name)
+        for field in fields(PlanOptions)
+        if hasattr(arguments, field.name)
+    }
 
 
 def load_model(arguments: argparse.Namespace) -> tuple[GraspObject, float]:

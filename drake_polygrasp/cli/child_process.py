@@ -14,11 +14,13 @@ from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from time import perf_counter
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from drake_polygrasp.cli.progress_line import TICK, ProgressLine
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.progress import Progress
+
+if TYPE_CHECKING:
+    from drake_polygrasp.arguments import Progress
 
 READ_SECONDS = 120.0
 """Ours: several times what the largest mesh takes that `mesh_file` lets pass."""

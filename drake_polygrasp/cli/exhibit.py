@@ -67,7 +67,7 @@ def exhibit_model(
         scale=scale,
     )
     plan = plan_grasps(object_)
-    return ShownScene(object_, plan.grasps, plan.settings["tip_radius"])
+    return ShownScene(object_, plan.grasps, plan.settings.tip_radius)
 
 
 def exhibit_file(
@@ -90,7 +90,7 @@ def exhibit_file(
     object_ = load_object(
         model_file,
         body_name=f"{stated.model_name}::{stated.body_name}",
-        mu=file.plan.get("mu"),
+        mu=file.plan.mu,
         package_paths=package_paths,
         packages=packages,
         patch_angle=stated.patch_angle,
@@ -101,7 +101,7 @@ def exhibit_file(
     if object_.source is not None and object_.source.sha256 != stated.sha256:
         changed = f"{model_file} has changed since {path} was written: its grasps may be off"
         object_ = replace(object_, warnings=(*object_.warnings, changed))
-    return ShownScene(object_, file.grasps, file.plan.get("tip_radius"))
+    return ShownScene(object_, file.grasps, file.plan.tip_radius)
 
 
 def write_page(exhibit: ShownScene, file: Path, title: str) -> None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from drake_polygrasp.cli.calls import child_limits, load_model
+from drake_polygrasp.cli.calls import child_limits, load_model, planning_options
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.options import add_command, add_common_options, add_object_options
 from drake_polygrasp.cli.reporting import DONE, as_json
@@ -45,11 +45,7 @@ def run_explain(arguments: argparse.Namespace) -> tuple[int, str]:
         "drake_polygrasp.pipeline.explain:explain_sets",
         object_,
         limits=child_limits(arguments, f"explaining {arguments.model}"),
-        method=arguments.method,
-        edge_clearance=arguments.edge_clearance,
-        tip_radius=arguments.tip_radius,
-        avoid_directions=arguments.avoid_direction,
-        exclude_faces=arguments.exclude_faces,
+        **planning_options(arguments),
     )
     document = explain_document(arguments.model, object_, explanation, arguments.set)
     if arguments.figure is not None:

@@ -116,6 +116,7 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         type=read_component,
         action="append",
         default=[],
+        dest="avoid_directions",
         help="no contact where the outward normal is within 45 degrees of this vector in the "
         "body's frame: 0 0 -1 for what stands on a table (may be repeated)",
     )

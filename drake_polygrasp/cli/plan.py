@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from drake_polygrasp.cli.calls import child_limits, load_model
+from drake_polygrasp.cli.calls import child_limits, load_model, planning_options
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.options import add_command, add_common_options, add_object_options
 from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, complain
@@ -96,21 +97,15 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
         "drake_polygrasp.pipeline.plan:plan_grasps",
         object_,
         limits=child_limits(arguments, f"planning grasps of {arguments.model}"),
-        method=arguments.method,
-        top=MOST_ASKED * arguments.top if arguments.plant else arguments.top,
-        rank=arguments.rank,
-        effort=arguments.effort,
-        edge_clearance=arguments.edge_clearance,
-        tip_radius=arguments.tip_radius,
-        avoid_directions=arguments.avoid_direction,
-        exclude_faces=arguments.exclude_faces,
+        **planning_options(arguments)
+        | {"top": MOST_ASKED * arguments.top if arguments.plant else arguments.top},
     )
     if arguments.plant and plan.grasps:
         plan = _in_plant(arguments, object_, plan)
     if plan.grasps:
         # Without it, the friction stated here would look better than the model's.
-        override = {} if arguments.mu is None else {"mu": arguments.mu}
-        save_grasps(output, object_, plan.grasps, plan.settings | override)
+        settings = replace(plan.settings, mu=arguments.mu)
+        save_grasps(output, object_, plan.grasps, settings)
     else:
         complain(no_grasp_message(arguments.model, object_, plan, output), FAILED)
     gap = None if arguments.gap is None else _gap(arguments, object_, plan)

@@ -72,7 +72,7 @@ def export_directives(file: GraspFile, output: Path | str) -> None:
 
 
 def _render(file: GraspFile) -> str:
-    radius = file.plan.get("tip_radius", 0.0)
+    radius = file.plan.tip_radius or 0.0
     directives = ModelDirectives(
         directives=[
             ModelDirective(add_frame=frame)

@@ -23,13 +23,14 @@ from drake_polygrasp.arrays import frozen
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.plain_yaml import Block, read_mapping
-from drake_polygrasp.files.plan_block import read_settings
+from drake_polygrasp.files.plan_block import read_plan
 from drake_polygrasp.files.plant_block import plant_document, read_plant
 from drake_polygrasp.files.stated_grasp import (
     GraspFile,
     StatedCertificate,
     StatedGrasp,
     StatedObject,
+    StatedPlan,
 )
 from drake_polygrasp.grasp import (
     CertifiedGrasp,
@@ -40,6 +41,7 @@ from drake_polygrasp.grasp import (
     ModelSource,
     Quality,
 )
+from drake_polygrasp.settings import PlanSettings
 from drake_polygrasp.wrenches.contacts import edge_forces
 
 FORMAT = "drake_polygrasp/grasps"
@@ -50,7 +52,7 @@ def save_grasps(
     path: Path | str,
     object_: GraspObject,
     grasps: Iterable[CertifiedGrasp | StatedGrasp],
-    plan_settings: Mapping[str, Any],
+    plan_settings: PlanSettings | StatedPlan,
 ) -> None:
     """Writes a grasp file, whole or not at all: the same arguments give the same bytes.
 
@@ -68,8 +70,8 @@ def save_grasps(
     """
     path = Path(check_path("path", path))
     check_instance("object_", object_, GraspObject, "as load_object returns it")
-    if not isinstance(plan_settings, Mapping):
-        raise refuse("plan_settings", plan_settings, "a mapping, such as plan.settings")
+    if not isinstance(plan_settings, PlanSettings | StatedPlan):
+        raise refuse("plan_settings", plan_settings, "a PlanSettings, such as plan.settings")
     kinds = (CertifiedGrasp, StatedGrasp)
     grasps = check_items("grasps", grasps)
     for i, grasp in enumerate(grasps):
@@ -85,7 +87,7 @@ def save_grasps(
         "version": VERSION,
         "generator": {"drake_polygrasp": __version__, "drake": metadata.version("drake")},
         "object": _object_document(object_, object_.source, path.parent),
-        "plan": _plain(plan_settings),
+        "plan": _plain(plan_settings.stated),
         "grasps": [grasp_document(grasp) for grasp in grasps],
     }
     write_document(path, document)
@@ -151,12 +153,12 @@ def load_grasps(path: Path | str) -> GraspFile:
             f"{path}: version is {version}; this drake_polygrasp reads version {VERSION}"
         )
     object_ = _read_object(root.block("object"))
-    plan = read_settings(root.block("plan"), object_.num_faces) if "plan" in root.data else {}
-    tip_radius = plan.get("tip_radius")
+    has_plan = "plan" in root.data
+    plan = read_plan(root.block("plan"), object_.num_faces) if has_plan else StatedPlan()
     return GraspFile(
         path=path,
         object_=object_,
-        grasps=tuple(_read_grasp(block, tip_radius) for block in root.blocks("grasps")),
+        grasps=tuple(_read_grasp(block, plan.tip_radius) for block in root.blocks("grasps")),
         plan=plan,
         generator=root.block("generator").data,
     )

@@ -1,24 +1,25 @@
-"""A grasp file's plan block: settings of any kind, and those among them that others go by."""
+"""Reads the plan block of a grasp file."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
-from drake_polygrasp.arrays import frozen
 from drake_polygrasp.files.plain_yaml import Block
-from drake_polygrasp.geometry.exclusion import AVOID_ANGLE, Exclusion
+from drake_polygrasp.files.stated_grasp import StatedPlan
 
 _UNIT = 1e-9
-"""Ours: of a unit vector's length."""
+"""Our choice: how far the length of a unit vector may be from 1."""
 
 
-def read_settings(block: Block, num_faces: int) -> dict[str, Any]:
-    """The settings of a plan on an object of so many faces.
+def read_plan(block: Block, num_faces: int) -> StatedPlan:
+    """Reads a plan block; keys that no verification goes by may be of any kind.
 
-    Raises GraspFileError for a setting that a verification goes by and that cannot be.
+    Args:
+        block: the plan block.
+        num_faces: how many faces the object has.
+
+    Raises:
+        GraspFileError: for a value that a verification goes by and that cannot be.
     """
     if "mu" in block.data:
         block.number("mu", "positive")
@@ -38,13 +39,4 @@ def read_settings(block: Block, num_faces: int) -> dict[str, Any]:
     names = block.items("obstacles") if "obstacles" in block.data else []
     if not all(isinstance(name, str) for name in names):
         raise block.refuse("obstacles", "a list of names")
-    return block.data
-
-
-def exclusion_of(settings: Mapping[str, Any]) -> Exclusion:
-    """Where no finger may be by settings that were read."""
-    return Exclusion(
-        frozen(np.reshape(settings.get("avoid_directions", []), (-1, 3))),
-        tuple(settings.get("exclude_faces", ())),
-        settings.get("avoid_angle", AVOID_ANGLE),
-    )
+    return StatedPlan(block.data)

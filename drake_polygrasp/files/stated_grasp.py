@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
 from drake_polygrasp.grasp import Grasp, PlantRecord
 
 
@@ -44,6 +45,42 @@ class StatedObject:
     links: tuple[str, ...] | None = None
     joints_free: bool = False
     scale: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StatedPlan:
+    """What a file states of the plan: keys of any planner, and typed those that others go by.
+
+    Attributes:
+        stated: the plan block as it stands in the file; empty where there is none.
+    """
+
+    stated: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def mu(self) -> float | None:
+        """Friction asked for in place of the model's; None where it is the model's."""
+        return self.stated.get("mu")
+
+    @property
+    def tip_radius(self) -> float | None:
+        """Radius of the plan's fingertips [m]; None where the file states none."""
+        return self.stated.get("tip_radius")
+
+    @property
+    def obstacles(self) -> tuple[str, ...] | None:
+        """Names of the bodies around; None where the plan knew of none."""
+        names = self.stated.get("obstacles")
+        return None if names is None else tuple(names)
+
+    @property
+    def exclusion(self) -> Exclusion:
+        """Where the plan allows no contact."""
+        return exclusion(
+            self.stated.get("avoid_directions", ()),
+            self.stated.get("exclude_faces", ()),
+            self.stated.get("avoid_angle"),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +126,12 @@ class GraspFile:
         path: the grasp file.
         object_: what is grasped.
         grasps: best first.
-        plan: what it takes to repeat the plan.
+        plan: what repeats the plan.
         generator: the versions that wrote the file.
     """
 
     path: Path
     object_: StatedObject
     grasps: tuple[StatedGrasp, ...]
-    plan: Mapping[str, Any] = field(default_factory=dict)
+    plan: StatedPlan = field(default_factory=StatedPlan)
     generator: Mapping[str, Any] = field(default_factory=dict)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import index
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.arguments import check_items
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -23,7 +20,7 @@ AVOID_ANGLE = np.pi / 4
 
 @dataclass(frozen=True, eq=False)
 class Exclusion:
-    """Faces and directions to avoid; see `exclusion` for the meaning of what is given.
+    """Faces and directions to avoid.
 
     Attributes:
         directions_B: unit vectors, shape (D, 3).
@@ -52,43 +49,51 @@ class Exclusion:
         excluded = self.avoids(nhat_TB_B, np.arange(len(nhat_TB_B)))
         return tuple(np.flatnonzero(excluded).tolist())
 
-    @property
-    def settings(self) -> dict[str, Any]:
-        """What repeats it, for the grasp file; nothing where nothing is excluded."""
-        settings: dict[str, Any] = {}
-        if len(self.directions_B):
-            settings = {"avoid_directions": self.directions_B, "avoid_angle": self.angle}
-        if self.faces:
-            settings["exclude_faces"] = self.faces
-        return settings
-
 
 def exclusion(
-    polyhedron: Polyhedron,
-    avoid_directions: Iterable[npt.ArrayLike] = (),
-    exclude_faces: Iterable[int] = (),
+    directions_B: Sequence[Sequence[float]] = (),
+    faces: Sequence[int] = (),
+    angle: float | None = None,
 ) -> Exclusion:
-    """What to avoid on a body.
+    """Returns what to avoid on a body.
+
+    Args:
+        directions_B: unit vectors in B, such as of `unit_direction`, shape (D, 3). A contact whose
+            outward normal is within `angle` of one is excluded.
+        faces: indices of faces, ascending, each once.
+        angle: [rad]; None for `AVOID_ANGLE`.
+    """
+    directions = frozen(np.reshape(directions_B, (-1, 3)))
+    return Exclusion(directions, tuple(faces), AVOID_ANGLE if angle is None else angle)
+
+
+def require_faces(polyhedron: Polyhedron, faces: Sequence[int]) -> None:
+    """Refuses faces that a body does not have.
 
     Args:
         polyhedron: the body's surface.
-        avoid_directions: vectors in B of any length, shape (3,) each. A face or a contact whose
-            outward normal is within `AVOID_ANGLE` of one is excluded; (0, 0, -1) stands for the
-            underside of what stands on a table.
-        exclude_faces: indices of faces.
+        faces: indices.
 
     Raises:
-        UsageError: when a direction is no direction, or there is no face of an index.
+        UsageError: when there is no face of an index.
     """
-    directions = [
-        _unit(direction) for direction in check_items("avoid_directions", avoid_directions)
-    ]
-    indices = check_items("exclude_faces", exclude_faces)
-    faces = sorted({_face_index(face, len(polyhedron.faces)) for face in indices})
-    return Exclusion(frozen(np.reshape(directions, (-1, 3))), tuple(faces))
+    num_faces = len(polyhedron.faces)
+    for face in faces:
+        if not 0 <= face < num_faces:
+            raise UsageError(
+                f"face {face} cannot be excluded: the object's faces are 0 to {num_faces - 1}"
+            )
 
 
-def _unit(direction: npt.ArrayLike) -> Array:
+def unit_direction(direction: npt.ArrayLike) -> tuple[float, float, float]:
+    """Returns a direction to avoid as a unit vector.
+
+    Args:
+        direction: a vector of any length but 0, shape (3,).
+
+    Raises:
+        UsageError: when it is no such vector.
+    """
     try:
         vector = np.array(direction, dtype=float)
     except (TypeError, ValueError):
@@ -100,16 +105,5 @@ def _unit(direction: npt.ArrayLike) -> Array:
         )
     # Divided twice, so that squares neither vanish nor overflow.
     vector = vector / largest
-    return unit(vector)
-
-
-def _face_index(face: int, num_faces: int) -> int:
-    try:
-        position = index(face)
-    except TypeError:
-        position = -1
-    if not 0 <= position < num_faces:
-        raise UsageError(
-            f"face {face!r} cannot be excluded: the object's faces are 0 to {num_faces - 1}"
-        )
-    return position
+    x, y, z = unit(vector).tolist()
+    return x, y, z

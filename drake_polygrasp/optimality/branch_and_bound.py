@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from drake_polygrasp.arguments import Progress, no_progress
 from drake_polygrasp.arrays import Array, Ints, join_rows
 from drake_polygrasp.geometry.regions import Regions
 from drake_polygrasp.optimality.cell_bounds import KEPT, CellTriples, bounded
-from drake_polygrasp.progress import Progress, no_progress
 from drake_polygrasp.search.face_support import contacts_on, face_twists, points_in_faces, points_on
 from drake_polygrasp.search.local_improvement import improved
 from drake_polygrasp.search.triples import NO_TRIPLES, Triples

@@ -6,18 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arguments import check_callback, check_count, check_instance
+from drake_polygrasp.arguments import Progress, check_count, check_instance, check_progress
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.certify import prove_many
 from drake_polygrasp.certification.robustness import epsilon_interval
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.files.plan_block import exclusion_of
 from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.surface_contact import fingertip_fits, fingertips_are_apart
 from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.optimality.branch_and_bound import Optimum, bound_optimum
 from drake_polygrasp.pipeline.plan import GraspPlan
-from drake_polygrasp.progress import Progress, no_progress
 from drake_polygrasp.search.fingertip_room import with_tip_room
 from drake_polygrasp.search.triples import Triples
 
@@ -95,7 +93,7 @@ def epsilon_gap(
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     check_instance("plan", plan, GraspPlan, "as plan_grasps returns it")
     nodes = check_count("nodes", nodes)
-    check_callback("progress", progress)
+    tell = check_progress("progress", progress)
     require_planar(object_)
     regions = _regions(object_, plan)
     scale = object_.p_BBcm, object_.rho
@@ -106,13 +104,11 @@ def epsilon_gap(
             contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
             lower = epsilon_interval(*contacts, *scale, relative_gap=RELATIVE_GAP).lower
             best, epsilon = (rank, lower) if lower > epsilon else (best, epsilon)
-    tip_radius = plan.settings["tip_radius"]
+    tip_radius = plan.settings.tip_radius
     roomy = with_tip_room(regions, object_.polyhedron, tip_radius)
-    optimum = bound_optimum(
-        regions, *scale, _known(regions, plan), epsilon, nodes, roomy, progress or no_progress
-    )
+    optimum = bound_optimum(regions, *scale, _known(regions, plan), epsilon, nodes, roomy, tell)
     # Obstacles are not part of the plan's settings, only their names.
-    obstructed = "obstacles" in plan.settings
+    obstructed = plan.settings.obstacles is not None
     better = None if obstructed else _better(object_, regions, optimum, epsilon, tip_radius)
     bound = max(optimum.bound, epsilon)
     return OptimalityGap(bound, epsilon, best, optimum.nodes, optimum.complete, better)
@@ -128,10 +124,9 @@ def require_planar(object_: GraspObject) -> None:
 
 
 def _regions(object_: GraspObject, plan: GraspPlan) -> Regions:
-    settings = plan.settings
-    by_default = "edge_clearance_share_of_inradius" in settings
-    regions = erode(object_.polyhedron, None if by_default else settings["edge_clearance"])
-    return regions.take(~exclusion_of(settings).avoids(regions.nhat_TB_B, regions.face))
+    regions = erode(object_.polyhedron, plan.settings.fixed_clearance)
+    excluded = plan.settings.exclusion.avoids(regions.nhat_TB_B, regions.face)
+    return regions.take(~excluded)
 
 
 def _known(regions: Regions, plan: GraspPlan) -> Triples:

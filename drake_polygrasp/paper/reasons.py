@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from drake_polygrasp.arrays import Array, Batch, Bools, Ints
-
-Method = Literal["enriched", "paper"]
-"""The paper as it is read here, or the paper and the search beyond it."""
 
 REASONS = (
     "certified",

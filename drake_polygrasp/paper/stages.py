@@ -53,12 +53,12 @@ from drake_polygrasp.paper.reasons import (
     UNJUDGED,
     Candidates,
     Codes,
-    Method,
     SetPlan,
     has_contacts,
 )
 from drake_polygrasp.paper.region_p import Cut, cut_nonparallel, cut_parallel, cut_two_faces
 from drake_polygrasp.paper.two_faces import choices, two_face_planes
+from drake_polygrasp.settings import Method
 from drake_polygrasp.vectors import unit
 
 _OPPOSING_FIRST = np.array([[0, 1, 2], [1, 0, 2], [2, 0, 1]])

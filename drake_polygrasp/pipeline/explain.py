@@ -12,11 +12,11 @@ from drake_polygrasp.arrays import Ints, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.orientation import least_opposing_friction
-from drake_polygrasp.paper.reasons import REASONS, Method
+from drake_polygrasp.paper.reasons import REASONS
 from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.judging import all_candidates
 from drake_polygrasp.pipeline.request import make_request
-from drake_polygrasp.search.selection import Steps
+from drake_polygrasp.settings import Method, PlanOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +58,16 @@ def explain_sets(
     Sets that only the search beyond the paper finds a grasp for are certified too: all that
     `plan_grasps` certifies, however many grasps it is asked for.
     """
-    request = make_request(
-        object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
+    options = PlanOptions(
+        method=method,
+        edge_clearance=edge_clearance,
+        tip_radius=tip_radius,
+        avoid_directions=avoid_directions,
+        exclude_faces=exclude_faces,
+        obstacles=obstacles,
     )
-    judge = Judge(all_candidates(request, Steps()))
+    request = make_request(object_, options)
+    judge = Judge(all_candidates(request))
     judge.judge(judge.open_rows)
     code = judge.set_codes()
     counts = request.counts(code)

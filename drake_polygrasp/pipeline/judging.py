@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from drake_polygrasp.arrays import Array
@@ -13,10 +11,9 @@ from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.longer_search import completed, extended
 from drake_polygrasp.pipeline.proposals import constructed, enriched, quick
 from drake_polygrasp.pipeline.request import PlanRequest
-from drake_polygrasp.search.effort import ANY_SETS, MORE_SETS, EffortName
-from drake_polygrasp.search.selection import Steps, rounded_for_ties
-
-Rank = Literal["epsilon", "margin", "Q"]
+from drake_polygrasp.search.effort import ANY_SETS, MORE_SETS
+from drake_polygrasp.search.selection import rounded_for_ties
+from drake_polygrasp.settings import Rank
 
 SETS_OF_A_KIND = 10
 """Sets of each kind that are proved at least to be ranked by margin, ours: Q favours two-face
@@ -25,27 +22,22 @@ SPARE = 2
 """Sets proved beyond those wanted, for estimates do not quite rank as epsilon, ours."""
 
 
-def prove_candidates(
-    request: PlanRequest, steps: Steps, rank: Rank, top: int, effort: EffortName
-) -> Judge:
-    """Proposes candidates and proves the best of them, until `top` sets of faces have a grasp.
+def prove_candidates(request: PlanRequest) -> Judge:
+    """Proposes candidates and proves the best, until the sets of faces wanted have a grasp.
 
     Args:
         request: what to plan for.
-        steps: what is done beyond the paper.
-        rank: what puts one grasp before another.
-        top: how many sets are to have a grasp.
-        effort: how long to search.
 
     Returns:
         The judge, with all candidates and the proofs of those that were found to hold.
     """
+    rank, top, effort = request.settings.rank, request.settings.top, request.settings.effort
     if effort == "complete":
-        judge = Judge(all_candidates(request, steps))
+        judge = Judge(all_candidates(request))
         judge.judge(judge.open_rows)
         return judge
-    if request.method == "paper" or rank != "epsilon":
-        judge = Judge(constructed(request, steps))
+    if request.settings.method == "paper" or rank != "epsilon":
+        judge = Judge(constructed(request))
         _judge_by_quality(judge, rank, top)
         return judge
     if effort == "quick":
@@ -56,9 +48,9 @@ def prove_candidates(
         _judge_by_estimate(judge, estimate, top)
         if judge.proofs:
             return judge
-    judge = Judge(enriched(request, steps))
+    judge = Judge(enriched(request))
     _judge_by_estimate(judge, judge.estimates(), top + SPARE)
-    longer = extended(request, steps, judge)
+    longer = extended(request, judge)
     while len(judge.held_sets) < top:
         seen = len(judge.work.plan.sets)
         more = next(longer, None) if seen < (MORE_SETS if judge.proofs else ANY_SETS) else None
@@ -69,11 +61,11 @@ def prove_candidates(
     return judge
 
 
-def all_candidates(request: PlanRequest, steps: Steps) -> ProjectedCandidates:
+def all_candidates(request: PlanRequest) -> ProjectedCandidates:
     """Returns all candidates that plans of any effort but quick have, on every set of faces."""
-    if request.method == "paper":
-        return constructed(request, steps)
-    return completed(request, steps, enriched(request, steps))
+    if request.settings.method == "paper":
+        return constructed(request)
+    return completed(request, enriched(request))
 
 
 def _judge_by_quality(judge: Judge, rank: Rank, top: int) -> None:

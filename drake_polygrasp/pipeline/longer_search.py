@@ -31,7 +31,6 @@ from drake_polygrasp.search.fingertip_room import with_tip_room
 from drake_polygrasp.search.sample_points import num_points, sample_points
 from drake_polygrasp.search.selection import (
     PLACES,
-    Steps,
     best_first,
     best_places,
     estimates,
@@ -42,7 +41,7 @@ from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples
 from drake_polygrasp.wrenches.contacts import force_closure
 
 
-def extended(request: PlanRequest, steps: Steps, judge: Judge) -> Iterator[ProjectedCandidates]:
+def extended(request: PlanRequest, judge: Judge) -> Iterator[ProjectedCandidates]:
     """Yields the candidates with more of them each time, until `ANY_SETS` sets have been seen.
 
     Candidates and sets keep their places, new ones follow them. The caller has the judge take what
@@ -50,12 +49,11 @@ def extended(request: PlanRequest, steps: Steps, judge: Judge) -> Iterator[Proje
 
     Args:
         request: what to plan for.
-        steps: what is done beyond the paper; without the search, no denser points.
         judge: what became of the candidates so far.
     """
-    if steps.search and _may_hold_elsewhere(request, judge):
-        yield _with_denser_points(request, steps, judge.work)
-        yield _with_all_points(request, steps, judge.work)
+    if request.steps.search and _may_hold_elsewhere(request, judge):
+        yield _with_denser_points(request, judge.work)
+        yield _with_all_points(request, judge.work)
     num_sets = request.num_allowed_sets
     best = _best_known(request, judge.work)
     for most in CHUNKS:
@@ -64,27 +62,26 @@ def extended(request: PlanRequest, steps: Steps, judge: Judge) -> Iterator[Proje
             sets = promising_sets(
                 request.regions, best, *scale, above=-np.inf, most=most, opposing=sets_oppose
             )
-            yield _with(request, steps, judge.work, sets, NO_TRIPLES)
+            yield _with(request, judge.work, sets, NO_TRIPLES)
     if len(judge.work.plan.sets) < num_sets <= ANY_SETS:
-        yield _with(request, steps, judge.work, request.every_set, NO_TRIPLES)
+        yield _with(request, judge.work, request.every_set, NO_TRIPLES)
 
 
-def completed(request: PlanRequest, steps: Steps, work: ProjectedCandidates) -> ProjectedCandidates:
+def completed(request: PlanRequest, work: ProjectedCandidates) -> ProjectedCandidates:
     """Returns the candidates, all that `extended` would add, and all sets however many.
 
     Args:
         request: what to plan for.
-        steps: what is done beyond the paper; without the search, no denser points.
         work: the candidates so far.
 
     Raises:
         UsageError: when sets are more than `request.MOST_SETS`.
     """
     request.require_countable()
-    if steps.search and _may_hold_elsewhere(request, Judge(work)):
-        work = _with_denser_points(request, steps, work)
-        work = _with_all_points(request, steps, work)
-    return _with(request, steps, work, request.every_set, NO_TRIPLES)
+    if request.steps.search and _may_hold_elsewhere(request, Judge(work)):
+        work = _with_denser_points(request, work)
+        work = _with_all_points(request, work)
+    return _with(request, work, request.every_set, NO_TRIPLES)
 
 
 def _may_hold_elsewhere(request: PlanRequest, judge: Judge) -> bool:
@@ -94,26 +91,22 @@ def _may_hold_elsewhere(request: PlanRequest, judge: Judge) -> bool:
     return len(code) < request.num_allowed_sets or not bool(closed.all())
 
 
-def _with_denser_points(
-    request: PlanRequest, steps: Steps, work: ProjectedCandidates
-) -> ProjectedCandidates:
-    triples = _denser_triples(request, steps)
+def _with_denser_points(request: PlanRequest, work: ProjectedCandidates) -> ProjectedCandidates:
+    triples = _denser_triples(request)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
-    return _with(request, steps, work, sets, triples)
+    return _with(request, work, sets, triples)
 
 
-def _with_all_points(
-    request: PlanRequest, steps: Steps, work: ProjectedCandidates
-) -> ProjectedCandidates:
+def _with_all_points(request: PlanRequest, work: ProjectedCandidates) -> ProjectedCandidates:
     """With triples of few points on all sets whose faces may oppose each other."""
     scale = request.object_.p_BBcm, request.object_.rho
     points = quick_points(request)
     triples = triples_on_each_set(request.regions, points, *scale, PLACES, sets_oppose)
     sets = sets_of(triples.region[in_order_of_sets(triples.region)])
-    return _with(request, steps, work, sets, triples)
+    return _with(request, work, sets, triples)
 
 
-def _denser_triples(request: PlanRequest, steps: Steps) -> Triples:
+def _denser_triples(request: PlanRequest) -> Triples:
     """Triples of denser points, at most `PLACES` on a set, and the best of them improved."""
     regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
     clear = with_tip_room(
@@ -125,7 +118,7 @@ def _denser_triples(request: PlanRequest, steps: Steps) -> Triples:
         return found
     estimate = estimates(clear, found, *scale)
     best = found.take(best_places(found.region, estimate, len(estimate), PLACES))
-    better = improved_triples(clear, found, *scale) if steps.improve else NO_TRIPLES
+    better = improved_triples(clear, found, *scale) if request.steps.improve else NO_TRIPLES
     return join_rows(better, best)
 
 
@@ -139,11 +132,11 @@ def _best_known(request: PlanRequest, work: ProjectedCandidates) -> Triples:
 
 
 def _with(
-    request: PlanRequest, steps: Steps, work: ProjectedCandidates, sets: Ints, triples: Triples
+    request: PlanRequest, work: ProjectedCandidates, sets: Ints, triples: Triples
 ) -> ProjectedCandidates:
     """The candidates, what the paper's stages make of sets not among theirs, and triples."""
     old = work.plan
-    fresh = request.plan(steps, with_sets(old.sets, sets)[len(old.sets) :])
+    fresh = request.plan(with_sets(old.sets, sets)[len(old.sets) :])
     shifted = replace(fresh.candidates, set_index=fresh.candidates.set_index + len(old.sets))
     plan = SetPlan(
         np.concatenate([old.sets, fresh.sets]),

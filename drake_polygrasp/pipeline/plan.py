@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, Literal, get_args
+from typing import Literal
 
 import numpy.typing as npt
 
-from drake_polygrasp.arguments import check_choice, check_count, check_instance
-from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.paper.orientation import least_opposing_friction
-from drake_polygrasp.paper.reasons import Method
 from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
-from drake_polygrasp.pipeline.judging import Rank, prove_candidates
+from drake_polygrasp.pipeline.judging import prove_candidates
 from drake_polygrasp.pipeline.ranking import certify_best
 from drake_polygrasp.pipeline.request import make_request
-from drake_polygrasp.search.effort import EffortName
-from drake_polygrasp.search.selection import Steps
+from drake_polygrasp.settings import EffortName, Method, PlanOptions, PlanSettings, Rank, Steps
 
 PlanOutcome = Literal["grasps", "none_found", "no_certified_grasp"]
 """How planning ends: with grasps; with none, though not every set of faces was evaluated; or with
@@ -37,7 +33,7 @@ class GraspPlan:
         reasons: how many sets ended with each reason; they add up to num_sets.
         seconds: plan: until enough grasps are proved; certify: ranking, bounds of epsilon and
             tolerances.
-        settings: what it takes to repeat the plan, for the grasp file.
+        settings: what repeats the plan, for the grasp file.
         mu_needed: without a certified grasp: the friction above which some set would pass
             orientation.
         excluded_faces: faces whose every set is excluded, ascending.
@@ -47,7 +43,7 @@ class GraspPlan:
     num_sets: int
     reasons: dict[str, int]
     seconds: dict[str, float]
-    settings: dict[str, Any]
+    settings: PlanSettings
     mu_needed: float | None
     excluded_faces: tuple[int, ...] = ()
 
@@ -120,32 +116,29 @@ def plan_grasps(
     """
     start = perf_counter()
     keep_freed_memory()
-    check_choice("method", method, get_args(Method))
-    if rank is None:
-        rank = "Q" if method == "paper" else "epsilon"
-    top = check_count("top", top)
-    check_choice("rank", rank, get_args(Rank))
-    check_choice("effort", effort, get_args(EffortName))
-    if steps is not None:
-        check_instance("steps", steps, Steps)
-    if effort == "quick" and (method, rank, steps) != ("enriched", "epsilon", None):
-        raise UsageError(
-            "effort 'quick' is for all steps of 'enriched', ranked by epsilon; leave out method, "
-            "rank and steps, or effort"
-        )
-    request = make_request(
-        object_, method, edge_clearance, tip_radius, avoid_directions, exclude_faces, obstacles
+    options = PlanOptions(
+        method=method,
+        top=top,
+        rank=rank,
+        edge_clearance=edge_clearance,
+        tip_radius=tip_radius,
+        avoid_directions=avoid_directions,
+        exclude_faces=exclude_faces,
+        obstacles=obstacles,
+        steps=steps,
+        effort=effort,
     )
-    judge = prove_candidates(request, steps or Steps(), rank, top, effort)
+    request = make_request(object_, options)
+    judge = prove_candidates(request)
     planned = perf_counter()
-    grasps = certify_best(judge, rank, top)
+    grasps = certify_best(judge, request.settings.rank, request.settings.top)
     certified = perf_counter()
     return GraspPlan(
         grasps,
         request.num_sets,
         request.counts(judge.set_codes()),
         {"plan": planned - start, "certify": certified - planned},
-        request.settings | {"rank": rank, "top": top, "effort": effort},
+        request.settings,
         None if grasps else least_opposing_friction(request.regions.nhat_TB_B),
         request.excluded_faces,
     )

@@ -8,10 +8,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from drake_polygrasp.arguments import check_callback, check_count, check_instance
+from drake_polygrasp.arguments import Progress, check_count, check_instance, check_progress
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject, PlantRecord, Verdict
 from drake_polygrasp.pipeline.plan import GraspPlan
-from drake_polygrasp.progress import Progress, no_progress
 
 if TYPE_CHECKING:
     from drake_polygrasp.loading.surroundings import Surroundings
@@ -57,11 +56,11 @@ def rank_in_plant(
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     check_instance("plan", plan, GraspPlan, "as plan_grasps returns it")
     wanted = len(plan.grasps) if top is None else check_count("top", top)
-    check_callback("progress", progress)
+    tell = check_progress("progress", progress)
     # Simulation is loaded by those who ask for it.
     from drake_polygrasp.plant.certify_in_plant import certify_in_plant
 
-    start, tell = perf_counter(), progress or no_progress
+    start = perf_counter()
     asked: list[tuple[Verdict, CertifiedGrasp]] = []
     for grasp in plan.grasps:
         if _are_enough([grasp.plant for _, grasp in asked], wanted):
@@ -81,7 +80,7 @@ def rank_in_plant(
         plan,
         grasps=tuple(grasp for _, grasp in asked),
         seconds=plan.seconds | {"plant": perf_counter() - start},
-        settings=plan.settings | {"top_in_plant": wanted},
+        settings=replace(plan.settings, top_in_plant=wanted),
     )
 
 

@@ -31,7 +31,6 @@ from drake_polygrasp.search.local_improvement import improved
 from drake_polygrasp.search.sample_points import num_points, sample_points
 from drake_polygrasp.search.selection import (
     PLACES,
-    Steps,
     best_first,
     best_places,
     estimates,
@@ -53,16 +52,17 @@ RESERVE = 3
 """Times one more than the grasps wanted, ours: triples that stay as they were found."""
 
 
-def constructed(request: PlanRequest, steps: Steps) -> ProjectedCandidates:
+def constructed(request: PlanRequest) -> ProjectedCandidates:
     """The paper's stages on every set."""
-    return project_candidates(request, request.plan(steps), None)
+    return project_candidates(request, request.plan(), None)
 
 
-def enriched(request: PlanRequest, steps: Steps) -> ProjectedCandidates:
+def enriched(request: PlanRequest) -> ProjectedCandidates:
     """The paper's constructions, triples of sample points, and the best of both improved."""
     regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
+    steps = request.steps
     if not (steps.search or steps.improve):
-        return constructed(request, steps)
+        return constructed(request)
     clear = with_tip_room(
         regions, request.object_.polyhedron, request.tip_radius, request.obstacles
     )
@@ -74,7 +74,7 @@ def enriched(request: PlanRequest, steps: Steps) -> ProjectedCandidates:
             found, chosen = _chosen(found)
             if len(chosen) < CHOSEN_SETS:
                 chosen = with_sets(chosen, _promising(request, found))
-    plan = request.plan(steps, chosen)
+    plan = request.plan(chosen)
     triples = join_rows(_known(clear, plan), found)
     better = improved_triples(clear, triples, *scale) if steps.improve else found
     return project_candidates(request, plan, better)

@@ -15,7 +15,7 @@ from drake_polygrasp.geometry.surface_contact import edge_distance
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Quality
 from drake_polygrasp.pipeline.candidates import KINDS, ProjectedCandidates
 from drake_polygrasp.pipeline.judge import Judge
-from drake_polygrasp.pipeline.judging import Rank
+from drake_polygrasp.settings import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
 
@@ -147,5 +147,7 @@ def _quality(work: ProjectedCandidates, row: int) -> Quality | None:
     q_1, q_2, q_3, q_4, q_5 = q = to_decimals(work.candidates.q[row]).tolist()
     if np.isnan(q).any():
         return None
-    scale: Literal["paper", "object"] = "paper" if work.request.method == "paper" else "object"
+    scale: Literal["paper", "object"] = (
+        "paper" if work.request.settings.method == "paper" else "object"
+    )
     return Quality(scale, float(significant(np.prod(q))), (q_1, q_2, q_3, q_4, q_5))

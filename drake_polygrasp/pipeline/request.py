@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from drake_polygrasp.arguments import check_choice, check_instance, check_length
+from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Ints
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import check_same_body
-from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
+from drake_polygrasp.geometry.exclusion import Exclusion, require_faces
 from drake_polygrasp.geometry.face_sets import all_sets, count_sets, find_rows
 from drake_polygrasp.geometry.obstacles import Obstacles
-from drake_polygrasp.geometry.regions import (
-    CLEARANCE_OF_INRADIUS,
-    DEFAULT_CLEARANCE,
-    Regions,
-    erode,
-)
+from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.surface_contact import effective_tip_radius
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.paper.reasons import CODE, REASONS, UNJUDGED, Method, SetPlan
+from drake_polygrasp.paper.reasons import CODE, REASONS, UNJUDGED, SetPlan
 from drake_polygrasp.paper.stages import plan_sets
-from drake_polygrasp.search.selection import Steps
+from drake_polygrasp.settings import PlanOptions, PlanSettings, Steps
 
 Codes = npt.NDArray[np.int8]
-TIP_RADIUS = 0.02
-"""Default fingertip radius times the diameter L, ours."""
 MOST_SETS = 20_000_000
 """Sets that are followed one by one at most, ours: some minutes and 2 GB; 490 regions have as
 many."""
@@ -42,25 +33,36 @@ class PlanRequest:
 
     Attributes:
         object_: what to grasp.
-        method: "paper" or "enriched".
+        options: what is asked.
+        settings: what repeats it on this object, for the grasp file.
         every_face: the face of each region that erosion leaves, shape (n,).
         kept: those that are not excluded, shape (m,).
         regions: these, one row each.
-        tip_radius: fingertips that must fit [m].
         exclusion: where no contact may be.
-        obstacles: what fingertips must not penetrate beside the object.
-        settings: what repeats it, for the grasp file.
     """
 
     object_: GraspObject
-    method: Method
+    options: PlanOptions
+    settings: PlanSettings
     every_face: Ints
     kept: Ints
     regions: Regions
-    tip_radius: float
     exclusion: Exclusion
-    obstacles: Obstacles | None
-    settings: dict[str, Any]
+
+    @property
+    def tip_radius(self) -> float:
+        """Radius of the fingertips that must fit [m]."""
+        return self.settings.tip_radius
+
+    @property
+    def obstacles(self) -> Obstacles | None:
+        """What fingertips must not penetrate beside the object."""
+        return self.options.obstacles
+
+    @property
+    def steps(self) -> Steps:
+        """The steps that are taken beyond the paper, where the method takes any."""
+        return self.options.steps or Steps()
 
     @property
     def num_sets(self) -> int:
@@ -107,7 +109,7 @@ class PlanRequest:
                 "them without, unless its effort is 'complete'; else exclude faces or directions"
             )
 
-    def plan(self, steps: Steps, chosen: Ints | None = None) -> SetPlan:
+    def plan(self, chosen: Ints | None = None) -> SetPlan:
         """The paper's stages on all sets or on chosen ones.
 
         Raises UsageError when all are more than `MOST_SETS`.
@@ -120,63 +122,43 @@ class PlanRequest:
             self.object_.p_BBcm,
             L,
             self.object_.rho,
-            self.method,
-            spread=steps.spread,
+            self.options.method,
+            spread=self.steps.spread,
             chosen=chosen,
         )
 
 
-def make_request(
-    object_: GraspObject,
-    method: Method,
-    edge_clearance: float | None,
-    tip_radius: float | None,
-    avoid_directions: Iterable[npt.ArrayLike],
-    exclude_faces: Iterable[int],
-    obstacles: Obstacles | None,
-) -> PlanRequest:
-    """The request that `plan_grasps` is given; see there.
+def make_request(object_: GraspObject, options: PlanOptions) -> PlanRequest:
+    """Resolves what is asked of a plan for an object.
 
-    Raises UsageError when a parameter is not what it may be.
+    Args:
+        object_: what to grasp.
+        options: what is asked.
+
+    Raises:
+        UsageError: when an option is not what it may be for this object.
     """
     check_instance("object_", object_, GraspObject, "as load_object returns it")
-    check_choice("method", method, get_args(Method))
-    if edge_clearance is not None:
-        edge_clearance = check_length("edge_clearance", edge_clearance)
-    if tip_radius is not None:
-        tip_radius = check_length("tip_radius", tip_radius)
-    if obstacles is not None:
-        check_instance("obstacles", obstacles, Obstacles, "as obstacles_from_plant returns them")
-        check_same_body("obstacles", obstacles.body, object_.body)
-    L = object_.polyhedron.diameter
-    tip = TIP_RADIUS * L if tip_radius is None else tip_radius
-    settings: dict[str, Any] = {
-        "method": method,
-        "edge_clearance": DEFAULT_CLEARANCE * L if edge_clearance is None else edge_clearance,
-        "tip_radius": tip,
-    }
-    if edge_clearance is None:
-        settings["edge_clearance_share_of_inradius"] = CLEARANCE_OF_INRADIUS
-    excluded = exclusion(object_.polyhedron, avoid_directions, exclude_faces)
-    settings |= excluded.settings
-    if obstacles is not None:
-        width = 2 * effective_tip_radius(object_.polyhedron, tip)
-        if width > obstacles.reach:
+    polyhedron = object_.polyhedron
+    settings = options.resolve(polyhedron.diameter)
+    require_faces(polyhedron, settings.exclude_faces)
+    if options.obstacles is not None:
+        check_same_body("obstacles", options.obstacles.body, object_.body)
+        width = 2 * effective_tip_radius(polyhedron, settings.tip_radius)
+        if width > options.obstacles.reach:
             raise UsageError(
-                f"obstacles are known within {obstacles.reach:g} m of the object, and a fingertip "
-                f"is {width:g} m wide; take them with a greater reach"
+                f"obstacles are known within {options.obstacles.reach:g} m of the object, and a "
+                f"fingertip is {width:g} m wide; take them with a greater reach"
             )
-        settings["obstacles"] = obstacles.names
-    regions = erode(object_.polyhedron, edge_clearance)
+    excluded = settings.exclusion
+    regions = erode(polyhedron, options.edge_clearance)
     kept = ~excluded.avoids(regions.nhat_TB_B, regions.face)
     return PlanRequest(
         object_,
-        method,
+        options,
+        settings,
         regions.face,
         np.flatnonzero(kept),
         regions if kept.all() else regions.take(kept),
-        tip,
         excluded,
-        obstacles,
-        settings,
     )

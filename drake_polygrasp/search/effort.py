@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
-EffortName = Literal["full", "quick", "complete"]
 MORE_SETS = 32_000
 """Ours: where fewer grasps are found than wanted, the paper's stages see so many sets at most,
 which takes about a second."""

@@ -7,8 +7,6 @@ segments, triples of sample points beside them, and all moved while epsilon rise
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import shapely
 
@@ -27,21 +25,6 @@ PLACES = 4
 place."""
 EQUAL = 1e-5
 """Relative, ours: estimates nearer than this, which have six digits, are a tie."""
-
-
-@dataclass(frozen=True)
-class Steps:
-    """Which steps beyond the paper `method="enriched"` takes.
-
-    Attributes:
-        spread: `SPREADS`: wider triangles for parallel sets and pairs.
-        search: triples.py: triples of sample points, of any faces.
-        improve: local_improvement.py: contacts move while epsilon rises.
-    """
-
-    spread: bool = True
-    search: bool = True
-    improve: bool = True
 
 
 def improved_triples(

@@ -15,10 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drake_polygrasp.arguments import check_callback, check_flag, check_path, check_paths
+from drake_polygrasp.arguments import (
+    Progress,
+    check_flag,
+    check_path,
+    check_paths,
+    check_progress,
+)
 from drake_polygrasp.errors import MissingPackageError, ModelError, UsageError
 from drake_polygrasp.files.grasp_file import load_grasps
-from drake_polygrasp.files.plan_block import exclusion_of
 from drake_polygrasp.files.stated_grasp import GraspFile, StatedGrasp, StatedObject
 from drake_polygrasp.geometry.exclusion import Exclusion
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -27,7 +32,6 @@ from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.packages import find_packages, resolve
-from drake_polygrasp.progress import Progress, no_progress
 from drake_polygrasp.verification.numbers import (
     ROUNDING,
     check_proof,
@@ -78,14 +82,13 @@ def verify_file(
     """
     package_paths = check_paths("package_paths", package_paths)
     plant = check_flag("plant", plant)
-    check_callback("progress", progress)
+    tell = check_progress("progress", progress)
     if scene is not None:
         check_path("scene", scene)
     if scene is not None and not plant:
         raise UsageError("a scene is for the plant that grasps are checked in: add plant=True")
     file = load_grasps(path)
-    model, avoided = _find_model(file, package_paths, packages), exclusion_of(file.plan)
-    tell = progress or no_progress
+    model, avoided = _find_model(file, package_paths, packages), file.plan.exclusion
     # A file may state numbers of any size; every comparison below fails on what overflows.
     with np.errstate(all="ignore"):
         grasps: list[GraspReport] = []
@@ -130,7 +133,7 @@ def _surroundings(
         return None
     from drake_polygrasp.loading.surroundings import load_surroundings
 
-    mu = file.plan.get("mu")
+    mu = file.plan.mu
     return load_surroundings(scene, object_, mu=mu, package_paths=package_paths, packages=packages)
 
 
@@ -171,7 +174,7 @@ def _find_model(
     packages: Mapping[str, str | Path] | None,
 ) -> _Model:
     """The model a file names: missing, changed, not what the file says of it, or as it was."""
-    stated, mu = file.object_, file.plan.get("mu")
+    stated, mu = file.object_, file.plan.mu
     name = stated.model_file
     package_map = find_packages(file.path, package_paths, packages)
     try:

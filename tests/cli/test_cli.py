@@ -158,7 +158,7 @@ def test_without_a_certified_grasp_no_file_is_written(
 
 def test_mu_overrides_the_model_and_verify_knows(capsys: pytest.CaptureFixture[str]) -> None:
     assert Run(capsys, f"plan {TETRAHEDRON} --mu 0.5").code == 0
-    assert load_grasps("tetrahedron.grasp.yaml").plan["mu"] == 0.5
+    assert load_grasps("tetrahedron.grasp.yaml").plan.mu == 0.5
     verify = Run(capsys, "verify tetrahedron.grasp.yaml")
     assert verify.code == 0, verify.out
     assert "0.5" in verify.err
@@ -168,7 +168,7 @@ def test_the_paper_s_method_ranks_by_q(capsys: pytest.CaptureFixture[str]) -> No
     document = Run(capsys, f"plan {CUBE} --method paper --json").json()
     qualities = [grasp["quality"]["Q"] for grasp in document["grasps"]]
     assert qualities == sorted(qualities, reverse=True)
-    assert load_grasps("cube.grasp.yaml").plan["method"] == "paper"
+    assert load_grasps("cube.grasp.yaml").plan.stated["method"] == "paper"
 
 
 def test_explain_accounts_for_every_set(capsys: pytest.CaptureFixture[str]) -> None:

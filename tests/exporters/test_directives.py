@@ -31,7 +31,8 @@ def test_frames_of_the_directives_are_at_contacts_and_tips(box: Path) -> None:
     context = plant.CreateDefaultContext()
     body = plant.GetBodyByName("box").body_frame()
     file = load_grasps(box)
-    radius = file.plan["tip_radius"]
+    radius = file.plan.tip_radius
+    assert radius is not None
     for i, (p_BC, nhat_TB_B) in enumerate(
         zip(file.grasps[0].grasp.p_BC, file.grasps[0].grasp.nhat_TB_B, strict=True), start=1
     ):

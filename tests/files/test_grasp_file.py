@@ -20,7 +20,7 @@ from drake_polygrasp.arrays import frozen
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.grasp_file import grasp_document, load_grasps, save_grasps
 from drake_polygrasp.files.plain_yaml import MAX_BYTES
-from drake_polygrasp.files.stated_grasp import GraspFile
+from drake_polygrasp.files.stated_grasp import GraspFile, StatedPlan
 from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
 from drake_polygrasp.grasp import (
     Certificate,
@@ -100,7 +100,7 @@ def save(path: Path, mass: float | None = 1.0, **changes: object) -> str:
     certificate = dataclasses.replace(grasp.certificate, **changes)
     grasps = [dataclasses.replace(grasp, certificate=certificate)]
     settings = {"method": "enriched", "edge_clearance": np.float64(0.0024), "top": 10}
-    save_grasps(path, the_object(path.parent, mass), grasps, settings)
+    save_grasps(path, the_object(path.parent, mass), grasps, StatedPlan(settings))
     return path.read_text()
 
 
@@ -144,7 +144,7 @@ def test_what_is_written_is_read_back_exactly(tmp_path: Path) -> None:
         )
     assert read.object_.mass == 1.0
     assert read.object_.num_faces == 6
-    assert read.plan == {"method": "enriched", "edge_clearance": 0.0024, "top": 10}
+    assert read.plan.stated == {"method": "enriched", "edge_clearance": 0.0024, "top": 10}
 
 
 @given(st.floats(min_value=5e-324, max_value=1.7e308))
@@ -176,7 +176,7 @@ def test_minus_zero_is_written_as_zero(tmp_path: Path) -> None:
 def test_the_model_is_named_relative_to_the_file(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     grasps, object_ = [the_grasp()], the_object(tmp_path)
-    save_grasps(tmp_path / "out" / "box.grasp.yaml", object_, grasps, {})
+    save_grasps(tmp_path / "out" / "box.grasp.yaml", object_, grasps, StatedPlan())
     read = load_grasps(tmp_path / "out" / "box.grasp.yaml")
     assert read.object_.model_file == "../models/box.sdf"
 
@@ -193,7 +193,7 @@ def test_an_unfinished_write_leaves_the_older_file_alone(
 
     monkeypatch.setattr(Path, "write_text", disk_full)
     with pytest.raises(GraspFileError, match="No space left"):
-        save_grasps(path, the_object(tmp_path), [the_grasp()], {})
+        save_grasps(path, the_object(tmp_path), [the_grasp()], StatedPlan())
     assert [path] == list(tmp_path.iterdir())
     assert path.read_bytes() == b"older"
 
@@ -216,7 +216,7 @@ def test_what_is_not_finite_is_not_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize("path", ["/dev/null", "/no/such/folder/box.grasp.yaml"])
 def test_where_no_file_can_be_written_is_said(tmp_path: Path, path: str) -> None:
     with pytest.raises(GraspFileError, match=f"{path}: cannot be written"):
-        save_grasps(path, the_object(tmp_path), [the_grasp()], {})
+        save_grasps(path, the_object(tmp_path), [the_grasp()], StatedPlan())
     assert stat.S_ISCHR(Path("/dev/null").stat().st_mode)
 
 

@@ -27,11 +27,11 @@ from drake_polygrasp import (
     verify_file,
 )
 from drake_polygrasp.cli.main import main
-from drake_polygrasp.geometry.exclusion import AVOID_ANGLE, Exclusion, exclusion
+from drake_polygrasp.geometry.exclusion import AVOID_ANGLE, Exclusion, exclusion, unit_direction
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.surface import build_polyhedron, curved_part
-from drake_polygrasp.paper.reasons import Method
+from drake_polygrasp.settings import Method
 from drake_polygrasp.verification.report import Status
 from tests.support.common import round_body
 from tests.support.convex_polyhedra import holed_prism, tangent_polyhedron
@@ -110,7 +110,7 @@ def test_excluding_a_face_changes_nothing_for_the_sets_without_it(name: str) -> 
 def test_a_direction_excludes_the_faces_within_45_degrees_of_it() -> None:
     angle = np.deg2rad([0, 30, 44.9, 45, 45.1, 90, 180])
     nhat = np.column_stack([np.sin(angle), np.zeros(7), -np.cos(angle)])
-    avoided = exclusion(cube().polyhedron, [DOWN]).avoids(-nhat, np.arange(7))
+    avoided = exclusion([DOWN]).avoids(-nhat, np.arange(7))
     assert avoided.tolist() == [True, True, True, True, False, False, False]
     assert pytest.approx(np.pi / 4) == AVOID_ANGLE
 
@@ -127,9 +127,8 @@ def test_a_cubes_underside_is_the_face_of_its_normal() -> None:
 
 
 def test_a_directions_length_means_nothing() -> None:
-    box = named("ten faces").polyhedron
     for size in (1e-300, 1e-3, 7.0, 1e300):
-        scaled = exclusion(box, [size * np.array([1.0, 2.0, -2.0])])
+        scaled = exclusion([unit_direction(size * np.array([1.0, 2.0, -2.0]))])
         assert scaled.directions_B == pytest.approx(np.array([[1.0, 2.0, -2.0]]) / 3)
 
 
@@ -171,7 +170,7 @@ def test_nothing_is_left_when_all_is_excluded(name: str) -> None:
         ({"avoid_directions": ["down"]}, "three finite numbers"),
         ({"exclude_faces": [6]}, "0 to 5"),
         ({"exclude_faces": [-1]}, "0 to 5"),
-        ({"exclude_faces": [0.5]}, "0 to 5"),
+        ({"exclude_faces": [0.5]}, r"exclude_faces\[0\] is 0.5; it must be the index of a face"),
         ({"exclude_faces": "0"}, "must be a list"),
     ],
 )
@@ -193,15 +192,15 @@ def file(tmp_path: Path) -> Path:
 
 def test_a_grasp_file_says_what_was_excluded(file: Path) -> None:
     plan = load_grasps(file).plan
-    assert plan["avoid_directions"] == [list(DOWN)]
-    assert plan["avoid_angle"] == AVOID_ANGLE
-    assert plan["exclude_faces"] == [0]
+    assert plan.exclusion.directions_B.tolist() == [list(DOWN)]
+    assert plan.exclusion.angle == AVOID_ANGLE
+    assert plan.exclusion.faces == (0,)
     assert verify_file(file).holds
 
 
 def test_without_exclusion_a_grasp_file_says_nothing_of_it() -> None:
     assert not {"avoid_directions", "avoid_angle", "exclude_faces", "obstacles"} & set(
-        plan_grasps(named("cube"), top=1).settings
+        plan_grasps(named("cube"), top=1).settings.stated
     )
 
 
@@ -290,7 +289,6 @@ def test_no_exclusion_avoids_nothing() -> None:
     nothing = Exclusion(np.empty((0, 3)), ())
     assert not nothing
     assert not nothing.avoids(np.eye(3), np.arange(3)).any()
-    assert nothing.settings == {}
 
 
 @pytest.mark.parametrize("name", ["holed prism", "thirty faces"])

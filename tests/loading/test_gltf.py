@@ -6,6 +6,7 @@ import base64
 import copy
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -101,7 +102,7 @@ def test_a_buffer_in_a_file_of_its_own_is_part_of_the_model(tmp_path: Path) -> N
     (tmp_path / "part.bin").write_bytes(data)
     object_ = load_object(write(tmp_path, document), mu=0.5)
     plan, file = plan_grasps(object_, top=1), tmp_path / "part.grasp.yaml"
-    save_grasps(file, object_, plan.grasps, plan.settings | {"mu": 0.5})
+    save_grasps(file, object_, plan.grasps, replace(plan.settings, mu=0.5))
     assert verify_file(file).grasps[0].surface.status is Status.RECOMPUTED
     (tmp_path / "part.bin").write_bytes(data + b"\0")
     surface = verify_file(file).grasps[0].surface

@@ -50,6 +50,7 @@ from drake_polygrasp import (
     verify_file,
 )
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.geometry.primitives import Primitive, tessellation
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.search.fingertip_room import with_tip_room
@@ -172,7 +173,7 @@ def drakes_distance(scenery: World, p_WQ: Array) -> float:
 
 def tips_W(obstacles: Obstacles, plan: GraspPlan) -> Array:
     """The centres of all grasps' fingertips in the world, shape (M, 3)."""
-    r = plan.settings["tip_radius"]
+    r = plan.settings.tip_radius
     p_BT = np.concatenate([g.grasp.p_BC - r * g.grasp.nhat_TB_B for g in plan.grasps])
     return np.asarray((obstacles.X_WB @ p_BT.T).T)
 
@@ -209,13 +210,13 @@ def test_a_grasp_of_a_body_in_a_plant_is_saved_under_its_file(tmp_path: Path) ->
     plan = plan_grasps(object_, obstacles=obstacles, top=2)
     save_grasps(path, object_, plan.grasps, plan.settings)
     assert verify_file(path).holds
-    assert load_grasps(path).plan["obstacles"] == ["table::table"]
+    assert load_grasps(path).plan.obstacles == ("table::table",)
 
 
 def test_without_a_file_saving_names_the_remedy(tmp_path: Path) -> None:
     object_ = object_from_plant(*world(CUBE).asked)
     with pytest.raises(GraspFileError, match="model_file"):
-        save_grasps(tmp_path / "cube.grasp.yaml", object_, [], {})
+        save_grasps(tmp_path / "cube.grasp.yaml", object_, [], StatedPlan())
     assert not list(tmp_path.iterdir())
 
 

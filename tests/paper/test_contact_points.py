@@ -14,8 +14,9 @@ from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.orientation import classify
 from drake_polygrasp.paper.planar import Scale
-from drake_polygrasp.paper.reasons import REASONS, Candidates, Method, SetPlan
+from drake_polygrasp.paper.reasons import REASONS, Candidates, SetPlan
 from drake_polygrasp.paper.stages import plan_sets
+from drake_polygrasp.settings import Method
 from tests.support.convex_polyhedra import ellipsoid_hull, holed_prism, prism, tangent_polyhedron
 from tests.support.solids import (
     X,

@@ -12,8 +12,9 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.quality import q_directions, q_orientation, q_positions
-from drake_polygrasp.paper.reasons import Candidates, Method, SetPlan
+from drake_polygrasp.paper.reasons import Candidates, SetPlan
 from drake_polygrasp.paper.stages import plan_sets
+from drake_polygrasp.settings import Method
 from tests.support.convex_polyhedra import prism
 from tests.support.solids import X, Y, Z, cube, regular_polygon, scale_of, solid
 

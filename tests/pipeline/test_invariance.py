@@ -18,8 +18,9 @@ from drake_polygrasp.geometry import face_sets
 from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.paper.reasons import CODE, Method
+from drake_polygrasp.paper.reasons import CODE
 from drake_polygrasp.paper.stages import plan_sets
+from drake_polygrasp.settings import Method
 from tests.support.convex_polyhedra import (
     boxes,
     ellipsoid_hull,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from math import comb
 from typing import Any
@@ -23,9 +24,8 @@ from drake_polygrasp.pipeline import judging, proposals, request
 from drake_polygrasp.pipeline.candidates import project_candidates
 from drake_polygrasp.pipeline.explain import explain_sets
 from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
-from drake_polygrasp.pipeline.request import TIP_RADIUS
-from drake_polygrasp.search.selection import Steps
 from drake_polygrasp.search.triples import Triples
+from drake_polygrasp.settings import TIP_RADIUS, PlanOptions, Steps
 from drake_polygrasp.wrenches.epsilon_bound import FEW_ANGLES, epsilon_upper_bound
 from tests.support.convex_polyhedra import holed_prism, prism, tangent_polyhedron
 from tests.support.lp_judge import is_force_closure
@@ -58,7 +58,7 @@ def plan(name: str, how: str = "all") -> GraspPlan:
 
 
 def request_of(object_: GraspObject) -> request.PlanRequest:
-    return request.make_request(object_, "enriched", None, None, (), (), None)
+    return request.make_request(object_, PlanOptions())
 
 
 def best(plan_: GraspPlan) -> float:
@@ -237,7 +237,7 @@ def test_where_a_quick_search_finds_none_the_full_one_follows(
     found, full = plan_grasps(cube(), effort="quick"), plan("cube")
     assert found.reasons == full.reasons
     assert found.grasps[0].grasp.p_BC.tolist() == full.grasps[0].grasp.p_BC.tolist()
-    assert found.settings == full.settings | {"effort": "quick"}
+    assert found.settings == replace(full.settings, effort="quick")
 
 
 def test_quick_bounds_are_those_of_the_contacts_that_are_judged() -> None:

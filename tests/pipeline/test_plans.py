@@ -13,10 +13,11 @@ import pytest
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.paper.reasons import REASONS, Method
+from drake_polygrasp.paper.reasons import REASONS
 from drake_polygrasp.paper.stages import plan_sets
 from drake_polygrasp.pipeline.explain import Explanation, explain_sets
 from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
+from drake_polygrasp.settings import Method
 from tests.support.lp_judge import is_force_closure
 from tests.support.surface_judge import on_surface
 

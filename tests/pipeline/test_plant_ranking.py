@@ -59,7 +59,7 @@ def test_the_next_best_are_asked_until_enough_hold(
     assert [grasp.grasp for grasp in ranked.grasps] == order
     verdicts = [grasp.plant.verdict for grasp in ranked.grasps if grasp.plant is not None]
     assert verdicts == [HOLDS, HOLDS, UNDECIDED, FAILS]
-    assert ranked.settings["top_in_plant"] == 2
+    assert ranked.settings.top_in_plant == 2
     assert ranked.reasons == plan.reasons
 
 

@@ -25,6 +25,7 @@ from drake_polygrasp import (
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.holding_forces import HoldingProgram, hold, spare_friction
 from drake_polygrasp.cli.main import main
+from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.grasp import Verdict
 from drake_polygrasp.plant.certify_in_plant import LABELS, LoadPlan, plan_loads
 from drake_polygrasp.plant.contact_geometry import check_geometry
@@ -362,7 +363,7 @@ def test_without_a_plan_somebody_has_to_say_how_large_fingertips_are() -> None:
 def test_what_a_plant_said_is_saved_read_and_saved_again(tmp_path: Path) -> None:
     certified, _ = top_grasp("cube")
     report = certify_in_plant(model("cube"), certified)
-    settings = {"tip_radius": certified.tip_radius}
+    settings = StatedPlan({"tip_radius": certified.tip_radius})
     first, second = tmp_path / "first.grasp.yaml", tmp_path / "second.grasp.yaml"
     save_grasps(first, model("cube"), [replace(certified, plant=report)], settings)
     file = load_grasps(first)
@@ -436,7 +437,7 @@ def test_what_a_plant_cannot_decide_neither_holds_nor_fails(
 def test_the_page_says_what_a_plant_said(tmp_path: Path) -> None:
     certified, tip_radius = top_grasp("cube")
     record = certify_in_plant(model("cube"), certified)
-    settings = {"tip_radius": tip_radius}
+    settings = StatedPlan({"tip_radius": tip_radius})
     file = tmp_path / "x.grasp.yaml"
     save_grasps(file, model("cube"), [replace(certified, plant=record)], settings)
     page = tmp_path / "x.html"

@@ -38,7 +38,7 @@ def test_drake_finds_no_fault_with_any_ranked_grasp_of_a_scan(
     object_ = load_object(tmp_path / "scan.obj", mu=0.3)
     plan = plan_grasps(object_, top=20, effort="quick")
     assert len(plan.grasps) == 20
-    scene = make_scene(object_, plan.grasps[0].grasp, plan.settings["tip_radius"])
+    scene = make_scene(object_, plan.grasps[0].grasp, plan.settings.tip_radius)
     for found in plan.grasps:
         fit = check_geometry(replace(scene, grasp=found.grasp))
         assert fit.faults == ()
@@ -76,6 +76,6 @@ def test_fingertips_of_a_ranked_grasp_never_overlap(name: str) -> None:
     plan = plan_grasps(model(name), top=10)
     p_BC = np.array([found.grasp.p_BC for found in plan.grasps])
     nhat_TB_B = np.array([found.grasp.nhat_TB_B for found in plan.grasps])
-    p_BT = p_BC - plan.settings["tip_radius"] * nhat_TB_B
+    p_BT = p_BC - plan.settings.tip_radius * nhat_TB_B
     apart = [np.linalg.norm(p_BT[:, i] - p_BT[:, j], axis=1) for i, j in ((0, 1), (1, 2), (2, 0))]
-    assert np.min(apart) >= 2 * plan.settings["tip_radius"] - 1e-6 * model(name).polyhedron.diameter
+    assert np.min(apart) >= 2 * plan.settings.tip_radius - 1e-6 * model(name).polyhedron.diameter

@@ -119,7 +119,7 @@ def test_a_block_with_something_sharp_on_it_is_measured(tmp_path: Path, name: st
     object_ = load_object(tmp_path / "part.obj", mu=0.3)
     plan = plan_grasps(object_, top=3)
     for found in plan.grasps:
-        report = certify_in_plant(object_, found.grasp, tip_radius=plan.settings["tip_radius"])
+        report = certify_in_plant(object_, found.grasp, tip_radius=plan.settings.tip_radius)
         geometry = next(v for v in report.verdicts if v.name == "geometry")
         assert geometry.verdict is Verdict.HOLDS, geometry
         assert "measured on triangles" in geometry.reason

@@ -98,7 +98,7 @@ def test_near_the_limit_of_friction_it_holds_until_it_is_not_enough(name: str, r
     certified = plan.grasps[rank - 1]
     mu_min = certified.certificate.mu_min
     assert mu_min > 0.7 * certified.grasp.mu.max()
-    scene = make_scene(model(name), certified.grasp, plan.settings["tip_radius"])
+    scene = make_scene(model(name), certified.grasp, plan.settings.tip_radius)
     loads = plan_loads(scene)
     assert isinstance(loads, LoadPlan)
     assert outcome(scene, loads.squeeze_f_B, loads.holding).margin > 0.5

@@ -29,7 +29,7 @@ def model(name: str) -> GraspObject:
 def top_grasp(name: str) -> tuple[CertifiedGrasp, float]:
     """The best grasp of a model, and the tip radius of its plan [m]."""
     plan = plan_grasps(model(name), top=1)
-    return plan.grasps[0], plan.settings["tip_radius"]
+    return plan.grasps[0], plan.settings.tip_radius
 
 
 @cache

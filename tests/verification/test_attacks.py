@@ -17,6 +17,7 @@ from drake_polygrasp.certification.certify import certify, prove, prove_many
 from drake_polygrasp.certification.robustness import epsilon_interval, placement_tolerance
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
+from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.geometry.surface_contact import face_at, locate_contacts
@@ -77,7 +78,7 @@ def test_normals_tilted_within_the_tolerance_do_not_carry_a_grasp_over_the_bound
     grasp = on_the_wedge(PHI - tilt)
     certified = certify(grasp, mass=wedge.mass, p_BBcm=wedge.p_BBcm, rho=wedge.rho)
     assert isinstance(certified, CertifiedGrasp)
-    save_grasps(tmp_path / "w.grasp.yaml", wedge, [certified], {})
+    save_grasps(tmp_path / "w.grasp.yaml", wedge, [certified], StatedPlan())
     (report,) = verify_file(tmp_path / "w.grasp.yaml").grasps
     assert report.forces.status is Status.PROVED
     assert report.surface.status is Status.FAILED

@@ -13,6 +13,7 @@ from drake_polygrasp.cli.exhibit import exhibit_file
 from drake_polygrasp.cli.main import make_parser
 from drake_polygrasp.errors import GraspFileError, UsageError
 from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
+from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.verification.verify import verify_file
@@ -70,7 +71,7 @@ def test_with_other_patches_the_faces_are_not_those_of_the_file(planned: Path) -
 def test_what_was_not_asked_for_is_not_stated(planned: Path) -> None:
     egg = load_object(planned.with_name("egg.obj"))
     silent = planned.with_name("silent.grasp.yaml")
-    save_grasps(silent, egg, [], {})
+    save_grasps(silent, egg, [], StatedPlan())
     assert not {"patch_angle", "patch_depth"} & set(yaml.safe_load(silent.read_text())["object"])
 
 

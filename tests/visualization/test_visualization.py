@@ -24,6 +24,7 @@ from drake_polygrasp import UsageError, load_grasps, load_object, save_grasps
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.cli.exhibit import ShownScene
 from drake_polygrasp.cli.main import main
+from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.visualization import draw_grasps, draw_object, look_at, save_html, show_rank
 from drake_polygrasp.visualization.labels import label_F, number_shape
 from drake_polygrasp.visualization.meshes import FEW
@@ -281,7 +282,7 @@ def test_the_page_is_whole_small_and_says_what_the_colours_mean(
     as_stated: bool, tmp_path: Path
 ) -> None:
     object_, grasps = planned("l_bracket")
-    save_grasps(tmp_path / "l.grasp.yaml", object_, grasps, {})
+    save_grasps(tmp_path / "l.grasp.yaml", object_, grasps, StatedPlan())
     shown = load_grasps(tmp_path / "l.grasp.yaml").grasps if as_stated else grasps
     meshcat = Meshcat()
     draw_grasps(meshcat, object_, shown)
