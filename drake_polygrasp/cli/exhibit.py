@@ -9,12 +9,12 @@ from time import sleep
 
 from pydrake.geometry import Meshcat
 
-from drake_polygrasp.errors import ModelError
 from drake_polygrasp.files.grasp_file import load_grasps
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.model_source import SUFFIXES
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.loading.packages import find_packages, is_uri, resolve
+from drake_polygrasp.loading.packages import find_packages, is_uri
+from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
 from drake_polygrasp.visualization.page import save_html
 from drake_polygrasp.visualization.scene import AnyGrasp, draw_grasps, look_at, show_rank
 
@@ -82,23 +82,9 @@ def exhibit_file(
         ModelError: when its model is missing or cannot be loaded.
     """
     file = load_grasps(path)
-    stated = file.object_
-    package_map = find_packages(file.path, package_paths, packages)
-    model_file = resolve(stated.model_file, file.path.parent, package_map)
-    if not model_file.is_file():
-        raise ModelError(f"{path}: its model {model_file} is not there, and without it is no shape")
-    object_ = load_object(
-        model_file,
-        body_name=f"{stated.model_name}::{stated.body_name}",
-        mu=file.plan.mu,
-        package_paths=package_paths,
-        packages=packages,
-        patch_angle=stated.patch_angle,
-        patch_depth=stated.patch_depth,
-        joints_free=stated.joints_free,
-        scale=stated.scale,
-    )
-    if object_.source is not None and object_.source.sha256 != stated.sha256:
+    model_file = find_stated_model(file, find_packages(file.path, package_paths, packages))
+    object_ = load_stated_object(file, model_file, package_paths, packages)
+    if object_.source is not None and object_.source.sha256 != file.object_.sha256:
         changed = f"{model_file} has changed since {path} was written: its grasps may be off"
         object_ = replace(object_, warnings=(*object_.warnings, changed))
     return ShownScene(object_, file.grasps, file.plan.tip_radius)

@@ -9,7 +9,7 @@ from typing import Any
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
-from drake_polygrasp.grasp import Grasp, PlantRecord
+from drake_polygrasp.grasp import Grasp, ModelSource, PlantRecord
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +45,27 @@ class StatedObject:
     links: tuple[str, ...] | None = None
     joints_free: bool = False
     scale: float | None = None
+
+    def source_at(self, model_file: Path) -> ModelSource:
+        """Returns the stated source of the object, for loading it again.
+
+        Args:
+            model_file: path of the model file, resolved.
+
+        Returns:
+            The source with the digest, names and options that the file states.
+        """
+        return ModelSource(
+            model_file=model_file,
+            sha256=self.sha256,
+            model_name=self.model_name,
+            body_name=self.body_name,
+            patch_angle=self.patch_angle,
+            patch_depth=self.patch_depth,
+            links=self.links or (),
+            joints_free=self.joints_free,
+            scale=self.scale,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ from drake_polygrasp.loading.body_object import (
 )
 from drake_polygrasp.loading.model_statements import Statements, read_statements
 from drake_polygrasp.loading.packages import is_uri
-from drake_polygrasp.loading.parsed_model import ParsedModel, parse_model
+from drake_polygrasp.loading.parsed_model import ParsedModel, choose_body, parse_files
 from drake_polygrasp.loading.rigid_group import Collider, bodies_beside, rigid_bodies
 from drake_polygrasp.loading.scale import check_scale
 from drake_polygrasp.loading.shapes import is_hull, mended
@@ -96,7 +96,7 @@ def load_object(
     joints_free = check_flag("joints_free", joints_free)
     check_friction(mu, str(model_file))
     scale = check_scale(scale, model_file)
-    parsed = parse_model(model_file, body_name, package_paths, packages, scale)
+    parsed = choose_body(parse_files(model_file, package_paths, packages, scale), body_name)
     files, group, warnings = parsed.files, parsed.group, parsed.warnings
     where = f"{files.model_file}: body '{group.body.name()}'"
     warnings += describe_group(group, where, joints_free, bodies_beside(parsed.plant, group))
@@ -140,6 +140,40 @@ def load_object(
     )
 
 
+def reload_object(
+    source: ModelSource,
+    *,
+    mu: float | None = None,
+    package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
+) -> GraspObject:
+    """Loads an object again from its source, with the options that it was loaded with.
+
+    Args:
+        source: where the object came from. Its digest and links are not compared.
+        mu: friction coefficient of all faces; None for the model's.
+        package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
+
+    Returns:
+        The object as the model has it now.
+
+    Raises:
+        ModelError: when `load_object` raises it.
+    """
+    return load_object(
+        source.model_file,
+        body_name=scoped_name(source),
+        mu=mu,
+        package_paths=package_paths,
+        packages=packages,
+        patch_angle=source.patch_angle,
+        patch_depth=source.patch_depth,
+        joints_free=source.joints_free,
+        scale=source.scale,
+    )
+
+
 def load_solid(
     source: ModelSource,
     package_paths: Sequence[str | Path] = (),
@@ -149,8 +183,8 @@ def load_solid(
 
     Raises ModelError as `load_object` does.
     """
-    body_name = f"{source.model_name}::{source.body_name}"
-    parsed = parse_model(source.model_file, body_name, package_paths, packages, source.scale)
+    files = parse_files(source.model_file, package_paths, packages, source.scale)
+    parsed = choose_body(files, scoped_name(source))
     inspector = parsed.scene_graph.model_inspector()
     group = parsed.group
     covering = () if source.joints_free else group.covers(parsed.plant, inspector)
@@ -169,6 +203,18 @@ def load_solid(
         tuple(covers),
         all(map(is_hull, shapes)),
     )
+
+
+def scoped_name(source: ModelSource) -> str:
+    """Returns the names of an object's model and body, which tell bodies of one name apart.
+
+    Args:
+        source: where the object came from.
+
+    Returns:
+        "model::body", as Drake scopes names.
+    """
+    return f"{source.model_name}::{source.body_name}"
 
 
 class _StatedLink(NamedTuple):

@@ -33,6 +33,22 @@ _DENSITY = 1000.0
 """[kg/m^3], the Parser's own for an OBJ file."""
 
 
+class ParsedFiles(NamedTuple):
+    """What Drake made of a model file, with all its bodies.
+
+    Attributes:
+        files: the model file and all that it refers to.
+        plant: the finalized plant.
+        scene_graph: its scene graph.
+        warnings: what Drake warned of.
+    """
+
+    files: ModelFiles
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    warnings: tuple[str, ...]
+
+
 class ParsedModel(NamedTuple):
     """What a model file holds, the rigid body that was asked for, and what Drake warned of.
 
@@ -53,18 +69,27 @@ class ParsedModel(NamedTuple):
     warnings: list[str]
 
 
-def parse_model(
+def parse_files(
     model_file: str | Path,
-    body_name: str | None,
-    package_paths: Sequence[str | Path],
+    package_paths: Sequence[str | Path] = (),
     packages: Mapping[str, str | Path] | None = None,
     scale: float | None = None,
-) -> ParsedModel:
-    """Reads a model file, whose meshes are checked before Drake may, and finds the body to grasp.
+) -> ParsedFiles:
+    """Parses a model file with all that it refers to.
 
-    `scale` is of an OBJ file (default: 1).
+    Meshes are checked before Drake may read them, for some that are malformed end the process.
 
-    Raises ModelError when a file is missing or malformed, or when the body cannot be told.
+    Args:
+        model_file: a path, or a package:// URI.
+        package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
+        scale: factor on the lengths of an OBJ file; None for 1.
+
+    Returns:
+        The files and the finalized plant.
+
+    Raises:
+        ModelError: when a file is missing or malformed.
     """
     package_map = find_packages(model_file, package_paths, packages)
     files = read_model_files(locate(model_file, package_map), package_map)
@@ -72,11 +97,28 @@ def parse_model(
         check_mesh_file(mesh)
     with hearing() as heard, drake_errors_as_model_errors(files.model_file, heard.errors):
         plant, scene_graph = _parse(files.model_file, package_map, scale)
-    warnings = heard.merged()
+    return ParsedFiles(files, plant, scene_graph, tuple(heard.merged()))
+
+
+def choose_body(parsed: ParsedFiles, body_name: str | None = None) -> ParsedModel:
+    """Finds the rigid body to grasp in a parsed model.
+
+    Args:
+        parsed: the model.
+        body_name: name of one of the body's links, alone or as "model::link"; None for the only
+            rigid body that has collision geometry.
+
+    Returns:
+        The model with the body, in the default posture.
+
+    Raises:
+        ModelError: when there is no such body, several, or none with collision geometry.
+    """
+    files, plant, scene_graph, warnings = parsed
     body = _choose_body(plant, body_name, files.model_file, warnings)
     context = plant.CreateDefaultContext()
     group = find_group(plant, body, context)
-    return ParsedModel(files, plant, scene_graph, context, group, warnings)
+    return ParsedModel(files, plant, scene_graph, context, group, list(warnings))
 
 
 @contextmanager

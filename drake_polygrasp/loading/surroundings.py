@@ -21,10 +21,13 @@ from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.live_plant import find_body, query_of
+from drake_polygrasp.loading.object_model import scoped_name
 from drake_polygrasp.loading.parsed_model import (
+    ParsedFiles,
     ParsedModel,
+    choose_body,
     drake_errors_as_model_errors,
-    parse_model,
+    parse_files,
 )
 from drake_polygrasp.loading.plant_object import object_from_plant
 from drake_polygrasp.loading.plant_obstacles import (
@@ -124,14 +127,15 @@ def load_surroundings(
     if object_.source is None:
         raise UsageError("the object came from no file, so that no scene can be searched for it")
     source = object_.source
-    full_name = f"{source.model_name}::{source.body_name}"
+    full_name = scoped_name(source)
+    files = parse_files(scene_file, package_paths, packages)
     try:
-        parsed = parse_model(scene_file, full_name, package_paths, packages)
+        parsed = choose_body(files, full_name)
     except ModelError as error:
         if f"no body '{full_name}'" not in str(error):
             raise
         # Directives may give the model a name of their own.
-        parsed = _parse_by_body(scene_file, source, package_paths, packages)
+        parsed = _choose_by_body_alone(files, scene_file, source)
     builder = DiagramBuilder()
     plant, scene_graph = builder.AddSystem(parsed.plant), builder.AddSystem(parsed.scene_graph)
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
@@ -166,14 +170,11 @@ def load_surroundings(
     return replace(around, body=object_.body)  # in the scene it may have another name
 
 
-def _parse_by_body(
-    scene_file: str | Path,
-    source: ModelSource,
-    package_paths: Sequence[str | Path],
-    packages: Mapping[str, str | Path] | None,
+def _choose_by_body_alone(
+    files: ParsedFiles, scene_file: str | Path, source: ModelSource
 ) -> ParsedModel:
     try:
-        return parse_model(scene_file, source.body_name, package_paths, packages)
+        return choose_body(files, source.body_name)
     except ModelError as error:
         if "several bodies to grasp" not in str(error):
             raise

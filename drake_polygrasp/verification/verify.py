@@ -30,14 +30,14 @@ from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.surface_contact import LocatedContacts, edge_distance, locate_contacts
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.model_source import model_digest
-from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.loading.packages import find_packages, resolve
+from drake_polygrasp.loading.packages import find_packages
 from drake_polygrasp.verification.numbers import (
     ROUNDING,
     check_proof,
     force_violations,
     number_violations,
 )
+from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
 
 if TYPE_CHECKING:
     from drake_polygrasp.loading.surroundings import Surroundings
@@ -175,34 +175,18 @@ def _find_model(
 ) -> _Model:
     """The model a file names: missing, changed, not what the file says of it, or as it was."""
     stated, mu = file.object_, file.plan.mu
-    name = stated.model_file
     package_map = find_packages(file.path, package_paths, packages)
     try:
-        model_file = resolve(name, file.path.parent, package_map)
+        model_file = find_stated_model(file, package_map)
     except ModelError as error:
         return _missing(str(error))
-    try:
-        found = model_file.is_file()
-    except OSError:  # a name too long for any file
-        found = False
-    if not found:
-        return _missing(f"{model_file}: there is no such model file")
+    name = stated.model_file
     try:
         if model_digest(model_file, package_paths, packages) != stated.sha256:
             return _Model(
                 None, CheckResult(Status.FAILED, f"{name} has changed since: sha256 differs")
             )
-        object_ = load_object(
-            model_file,
-            body_name=f"{stated.model_name}::{stated.body_name}",
-            mu=mu,
-            package_paths=package_paths,
-            packages=packages,
-            patch_angle=stated.patch_angle,
-            patch_depth=stated.patch_depth,
-            joints_free=stated.joints_free,
-            scale=stated.scale,
-        )
+        object_ = load_stated_object(file, model_file, package_paths, packages)
     except MissingPackageError as error:
         return _missing(str(error))
     except ModelError as error:

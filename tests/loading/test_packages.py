@@ -12,7 +12,7 @@ from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.packages import find_packages, missing_package, resolve
-from drake_polygrasp.loading.parsed_model import parse_model
+from drake_polygrasp.loading.parsed_model import choose_body, parse_files
 from drake_polygrasp.plant.certify_in_plant import certify_in_plant
 from tests.support.fuzz import CUBE_OBJ, run
 from tests.support.object_files import write_all
@@ -198,7 +198,7 @@ SUB_MESH = model("cube.obj").replace('"part"', '"sub"')
 
 
 def opened_by_drake(model_file: Path) -> list[Path]:
-    parsed = parse_model(model_file, None, ())
+    parsed = choose_body(parse_files(model_file))
     inspector = parsed.scene_graph.model_inspector()
     colliders = parsed.group.colliders(parsed.plant, inspector)
     return [Path(inspector.GetShape(c.geometry).source().path()) for c in colliders]

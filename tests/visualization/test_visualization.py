@@ -352,7 +352,7 @@ def test_show_warns_of_a_model_that_changed_and_refuses_one_that_is_gone(
     assert "has changed since" in capsys.readouterr().err
     sdf.unlink()
     assert main(["show", str(file), "--html", str(tmp_path / "page.html")]) == 2
-    assert "is not there" in capsys.readouterr().err
+    assert "there is no such model file" in capsys.readouterr().err
 
 
 def test_show_serves_until_interrupted() -> None:
