@@ -1,24 +1,24 @@
-"""The `polygrasp` command: one file a subcommand, with its options and its call.
+"""The `polygrasp` command: one file per subcommand, with its options and its call.
 
 | file | what it holds |
 |---|---|
-| main.py | reads the arguments, runs a subcommand, returns the exit code |
+| main.py | parses the arguments, runs a subcommand, returns the exit code |
 | plan.py | `polygrasp plan` |
-| plan_table.py | what it prints |
+| plan_table.py | the table and JSON of `polygrasp plan` |
 | verify.py | `polygrasp verify` |
-| verify_table.py | what it prints |
+| verify_table.py | the table and JSON of `polygrasp verify` |
 | explain.py | `polygrasp explain` |
-| explain_table.py | what it prints |
+| explain_table.py | the table and JSON of `polygrasp explain` |
 | show.py | `polygrasp show` |
-| exhibit.py | what it shows: a grasp file, or a model that is planned first |
+| shown_scene.py | loads what `show` displays, from a grasp file or a model, and serves it |
 | export.py | `polygrasp export` |
 | options.py | options that several subcommands share |
-| values.py | values of options, read and checked |
-| table.py | lines and columns that tables share |
-| reporting.py | lines on standard error, JSON, exit codes |
-| calls.py | what a child process is asked, and loading the model in one |
-| child_process.py | calls in a child process, bounded in time and memory |
-| progress_line.py | progress on a terminal |
+| values.py | parses and validates option values |
+| table.py | columns and lines that several tables share |
+| reporting.py | exit codes, lines on standard error, JSON text |
+| calls.py | loads the model and sets limits for the library's calls |
+| child_process.py | calls a function in a child process of bounded time and memory |
+| progress_line.py | shows progress on a terminal |
 """
 
 from drake_polygrasp.cli.main import main

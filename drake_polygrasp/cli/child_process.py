@@ -1,6 +1,7 @@
-"""Calls a function in a child process: bounded in time and memory, and free to crash.
+"""Calls a function in a child process of bounded time and memory.
 
-A parser in C++ can end the process it runs in, and a hostile file can make it run or grow for ever.
+Drake's parsers are C++: a malformed file can abort the process that reads it, and a hostile one can
+make it run or allocate without end. In a child process, either becomes an error message.
 """
 
 from __future__ import annotations
@@ -16,32 +17,34 @@ from multiprocessing.connection import Connection
 from time import perf_counter
 from typing import IO, TYPE_CHECKING, Any
 
-from drake_polygrasp.cli.progress_line import TICK, ProgressLine
+from drake_polygrasp.cli.progress_line import REFRESH_SECONDS, ProgressLine
 from drake_polygrasp.errors import ModelError
 
 if TYPE_CHECKING:
     from drake_polygrasp.arguments import Progress
 
 READ_SECONDS = 120.0
-"""Ours: several times what the largest mesh takes that `mesh_file` lets pass."""
+"""Time to read a model [s]. Our choice: several times what the largest mesh takes that `mesh_file`
+accepts."""
 WORK_SECONDS = 600.0
-"""Ours: far more than planning takes, or checking a file of ordinary length."""
-MAX_GIGABYTES = 4
-"""Ours: of memory that the child may write to, libraries included."""
-_PAUSE = 0.1
-"""[s], ours: between a child's words on its progress."""
+"""Time for any other call [s]. Our choice: far more than planning takes, or verifying a file of
+ordinary length."""
+_MAX_GIGABYTES = 4
+"""Writable memory of the child [GiB], libraries included. Our choice."""
+_REPORT_SECONDS = 0.1
+"""Least time between two progress messages of the child [s]. Our choice."""
 
 
 @dataclass(frozen=True)
 class ChildLimits:
-    """What the child does, for people, and how long it may take [s].
+    """Limits of a call in a child process, and how its progress is shown.
 
     Attributes:
-        name: what the child does, for messages.
-        seconds: between two words on progress, where the function gives any.
-        unit: what the function counts in its `progress` callback ("grasps"); none where it has
+        name: what the call does, for messages: "planning grasps of cube.sdf".
+        seconds: time limit [s], counted anew from each report of progress.
+        unit: plural of what the function's `progress` callback counts ("grasps"); empty if it takes
             none.
-        quiet: whether nothing is said of progress, not even on a terminal.
+        quiet: whether progress is hidden even on a terminal.
     """
 
     name: str
@@ -53,16 +56,25 @@ class ChildLimits:
 def call_in_child(
     function: str, /, *args: Any, limits: ChildLimits | None = None, **kwargs: Any
 ) -> tuple[Any, float]:
-    """What `function` ("package.module:name") returns, and the seconds the call took.
+    """Calls a function in a child process and returns its result.
 
-    Its module is imported in the child only; what comes back is pickled. What the child prints on
-    standard error is of use only when it crashes. `limits` are, by default, those of reading the
-    first argument in `READ_SECONDS`. On a terminal, progress is shown on standard error after a
-    second; a function whose limits name a unit is given a callback `progress` that comes this way
-    too.
+    The module is imported in the child only. What the child prints is discarded, but its last line
+    on standard error is quoted if it crashes. Progress is shown on standard error where that is a
+    terminal.
+
+    Args:
+        function: the function, as "package.module:name". If `limits` name a unit, it is also given
+            a keyword argument `progress`, a callback of how much is done and of how much.
+        args: its positional arguments.
+        limits: limits of the call; by default those of reading the file named by the first argument
+            in `READ_SECONDS`.
+        kwargs: its keyword arguments.
+
+    Returns:
+        What the function returns, pickled on the way, and the time the call took [s].
 
     Raises:
-        ModelError: when the child crashes, or needs more time or memory than it may.
+        ModelError: when the child crashes or exceeds its time or memory.
         Exception: whatever the function raises.
     """
     limits = limits or ChildLimits(f"reading {args[0]}", READ_SECONDS)
@@ -75,44 +87,44 @@ def call_in_child(
         child.start()
         sender.close()
         try:
-            value, seconds, error = _answer(receiver, limits)
+            value, seconds, error = _wait_for_result(receiver, limits)
         except EOFError:
             child.join()
-            raise _refusal(limits, _death(child.exitcode, stderr)) from None
+            raise _model_error(limits, _crash_message(child.exitcode, stderr)) from None
         finally:
             child.kill()
             child.join()
             receiver.close()
     if isinstance(error, MemoryError):
-        raise _refusal(limits, f"runs out of memory ({MAX_GIGABYTES} GB at most)")
+        raise _model_error(limits, f"runs out of memory ({_MAX_GIGABYTES} GB at most)")
     if error is not None:
         raise error
     return value, seconds
 
 
-def _refusal(limits: ChildLimits, fault: str) -> ModelError:
+def _model_error(limits: ChildLimits, fault: str) -> ModelError:
     return ModelError(f"{limits.name}: {fault}; repair or simplify the file")
 
 
-def _answer(receiver: Connection, limits: ChildLimits) -> Any:
-    """What the child sends last, its words on progress shown; EOFError where it just ends.
+def _wait_for_result(receiver: Connection, limits: ChildLimits) -> Any:
+    """Shows the child's progress until its result arrives, and returns that.
 
-    Raises ModelError when it takes too long.
+    Raises ModelError after the time limit, EOFError when the child ends without a result.
     """
     with ProgressLine(limits.name, limits.unit, quiet=limits.quiet) as line:
-        last_word = 0.0
+        last_report = 0.0
         while True:
-            left = last_word + limits.seconds - line.elapsed
-            if not receiver.poll(max(0.0, min(TICK, left))):
-                line.tick()
-                if left <= TICK:
-                    raise _refusal(limits, f"stopped after {limits.seconds:g} s")
+            left = last_report + limits.seconds - line.elapsed
+            if not receiver.poll(max(0.0, min(REFRESH_SECONDS, left))):
+                line.refresh()
+                if left <= REFRESH_SECONDS:
+                    raise _model_error(limits, f"stopped after {limits.seconds:g} s")
                 continue
             message = receiver.recv()
-            if len(message) == 3:
+            if len(message) == 3:  # A result; progress has two numbers.
                 return message
-            line.tell(*message)
-            last_word = line.elapsed
+            line.update(*message)
+            last_report = line.elapsed
 
 
 def _run(
@@ -121,18 +133,19 @@ def _run(
     function: str,
     args: Any,
     kwargs: Any,
-    gives_progress: bool,
+    reports_progress: bool,
 ) -> None:
+    """Runs in the child: calls the function and sends its value, its time [s] and its error."""
     module, _, name = function.partition(":")
     value, seconds, error = None, 0.0, None
     try:
-        _confine()
+        _limit_resources()
         callee = getattr(import_module(module), name)
-        # Of a process without standard streams, the pipe may bear one of these numbers.
+        # Where the parent has no standard streams, the pipe itself may be descriptor 1 or 2.
         for stream in {1, 2} - {sender.fileno()}:
             os.dup2(stderr.fileno(), stream)
-        if gives_progress:
-            kwargs["progress"] = _telling(sender)
+        if reports_progress:
+            kwargs["progress"] = _progress_sender(sender)
         start = perf_counter()
         value = callee(*args, **kwargs)
         seconds = perf_counter() - start
@@ -144,33 +157,35 @@ def _run(
         sender.send((None, 0.0, RuntimeError(str(error or unsent))))
 
 
-def _telling(sender: Connection) -> Progress:
-    """A callback that sends word to the parent, now and then."""
-    told = -_PAUSE
+def _progress_sender(sender: Connection) -> Progress:
+    """Returns a progress callback that sends its numbers to the parent, at a bounded rate."""
+    last_sent = -_REPORT_SECONDS
 
     def progress(done: int, total: int) -> None:
-        nonlocal told
+        nonlocal last_sent
         now = perf_counter()
-        if now - told >= _PAUSE:
-            told = now
+        if now - last_sent >= _REPORT_SECONDS:
+            last_sent = now
             sender.send((done, total))
 
     return progress
 
 
-def _confine() -> None:
-    # The parent answers an interrupt for both.
+def _limit_resources() -> None:
+    """Bounds the memory of this process, and leaves Ctrl-C and core dumps to the parent."""
+    # On Ctrl-C the parent kills this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for limit, wanted in ((resource.RLIMIT_DATA, MAX_GIGABYTES << 30), (resource.RLIMIT_CORE, 0)):
+    for limit, wanted in ((resource.RLIMIT_DATA, _MAX_GIGABYTES << 30), (resource.RLIMIT_CORE, 0)):
         soft, hard = resource.getrlimit(limit)
-        known = [value for value in (soft, hard, wanted) if value != resource.RLIM_INFINITY]
-        resource.setrlimit(limit, (min(known), hard))
+        finite = [value for value in (soft, hard, wanted) if value != resource.RLIM_INFINITY]
+        resource.setrlimit(limit, (min(finite), hard))
 
 
-def _death(exit_code: int | None, stderr: IO[bytes]) -> str:
+def _crash_message(exit_code: int | None, stderr: IO[bytes]) -> str:
+    """Says how the child ended, with the last line it printed on standard error."""
     if exit_code is None or exit_code >= 0:
-        return "the process ended"
+        return "the process ended without a result"
     stderr.seek(0)
-    last_words = stderr.read().decode(errors="replace").split("\n")
-    cause = next((f": {line}" for line in reversed(last_words) if line.strip()), "")
+    lines = stderr.read().decode(errors="replace").split("\n")
+    cause = next((f": {line}" for line in reversed(lines) if line.strip()), "")
     return f"Drake crashed ({signal.Signals(-exit_code).name}){cause[:200]}"

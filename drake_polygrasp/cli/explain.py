@@ -14,29 +14,47 @@ from drake_polygrasp.cli.values import read_face_set
 
 
 def add_explain(commands: Any) -> None:
-    """Adds the subcommand to those of the parser."""
+    """Adds the subcommand and its options.
+
+    Args:
+        commands: the subparsers of `polygrasp`.
+    """
     parser = add_command(
-        commands, "explain", "Say of every set of faces whether it holds, or why not."
+        commands,
+        "explain",
+        "Tell for every set of two or three faces whether it has a certified grasp, or which step "
+        "rejects it.",
     )
     add_object_options(parser)
     parser.add_argument(
         "--set",
         metavar="I,J,K",
         type=read_face_set,
-        help="only the sets of these two or three faces (default: all, counted)",
+        help="only the sets of these two or three faces (default: count all sets by reason)",
     )
     parser.add_argument(
         "--figure",
         metavar="OUT",
         type=Path,
         help="draw a chart of the counts or, with --set, what the paper's steps compute for that "
-        "set: .png, .pdf or .svg",
+        "set, as .png, .pdf or .svg",
     )
     add_common_options(parser)
 
 
 def run_explain(arguments: argparse.Namespace) -> tuple[int, str]:
-    """Returns the exit code and what to print."""
+    """Runs the subcommand.
+
+    Args:
+        arguments: those of `add_explain`.
+
+    Returns:
+        The exit code and what to print.
+
+    Raises:
+        ModelError: when the model cannot be loaded.
+        UsageError: when an option does not fit the object, or the figure cannot be written.
+    """
     object_, _ = load_model(arguments)
 
     from drake_polygrasp.cli.explain_table import all_sets_table, explain_document, one_set_table

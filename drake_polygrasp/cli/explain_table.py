@@ -1,11 +1,11 @@
-"""What `polygrasp explain` prints: a plain document for machines, from which tables for people."""
+"""The output of `polygrasp explain`: a document for JSON, and tables made from it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from drake_polygrasp.cli.table import aligned, friction_hint, head_line, lacking_friction
+from drake_polygrasp.cli.table import align_columns, friction_hint, head_line, lacking_friction
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.paper.reasons import MEANING
 
@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 def explain_document(
     model: str, object_: GraspObject, explanation: Explanation, faces: Sequence[int] | None
 ) -> dict[str, Any]:
-    """Every set of faces and its reason, or only the sets of the faces asked for.
+    """Returns every set of faces and its reason, or only the sets of the faces asked for.
+
+    Args:
+        model: the model's name.
+        object_: the object.
+        explanation: what became of every set of faces.
+        faces: two or three face indices; None for all sets.
 
     Raises:
         UsageError: when no set has these faces.
@@ -26,14 +32,15 @@ def explain_document(
     sets = [
         {"faces": row, "reason": str(reason)}
         for row, reason in zip(
-            _distinct(explanation.faces.tolist()), explanation.reasons, strict=True
+            _distinct_faces(explanation.faces.tolist()), explanation.reasons, strict=True
         )
         if wanted is None or row == wanted
     ]
     if wanted is not None and not sets:
         raise UsageError(
-            f"{model}: no set of faces {','.join(map(str, wanted))} wide enough for fingers; "
-            f"its faces are 0 to {len(object_.polyhedron.faces) - 1}"
+            f"{model}: no set of faces {','.join(map(str, wanted))}: one is not there, or has "
+            "no point as far from its edges as --edge-clearance asks; its faces are 0 to "
+            f"{len(object_.polyhedron.faces) - 1}"
         )
     return {
         "model": model,
@@ -46,28 +53,39 @@ def explain_document(
     }
 
 
-def _distinct(sets: list[list[int]]) -> list[list[int]]:
+def _distinct_faces(sets: list[list[int]]) -> list[list[int]]:
+    """Returns the faces of each set, ascending: some have two regions on one face."""
     return [sorted({face for face in row if face >= 0}) for row in sets]
 
 
 def all_sets_table(document: Mapping[str, Any]) -> str:
-    """How many sets of faces end with each reason."""
+    """Returns a table of how many sets of faces end with each reason.
+
+    Args:
+        document: what `explain_document` returns.
+    """
     rows = [(str(n), reason, *MEANING[reason]) for reason, n in document["reasons"].items()]
-    lines = [_document_head(document), *aligned([("sets", "reason", "step", "meaning"), *rows])]
+    header = ("sets", "reason", "step", "meaning")
+    lines = [_document_head(document), *align_columns([header, *rows])]
     if not document["reasons"].get("certified"):
         lines.append(f"no certified grasp{friction_hint(document['mu_needed'])}")
     return "\n".join(lines)
 
 
 def one_set_table(document: Mapping[str, Any]) -> str:
-    """The end of each set of the faces asked for, one row a set of their regions."""
+    """Returns a table of the reasons of the sets asked for, one row for each set of regions.
+
+    A face that the edge clearance cuts in parts has several regions.
+
+    Args:
+        document: what `explain_document` returns.
+    """
     rows = [
         (",".join(map(str, item["faces"])), item["reason"], *MEANING[item["reason"]])
         for item in document["sets"]
     ]
-    return "\n".join(
-        [_document_head(document), *aligned([("faces", "reason", "step", "meaning"), *rows])]
-    )
+    header = ("faces", "reason", "step", "meaning")
+    return "\n".join([_document_head(document), *align_columns([header, *rows])])
 
 
 def _document_head(document: Mapping[str, Any]) -> str:

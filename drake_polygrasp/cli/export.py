@@ -12,10 +12,10 @@ from drake_polygrasp.exporters import FORMATS
 
 
 def add_export(commands: Any) -> None:
-    """Adds the subcommand.
+    """Adds the subcommand and its options.
 
     Args:
-        commands: subparsers of the command's parser.
+        commands: the subparsers of `polygrasp`.
     """
     parser = add_command(commands, "export", "Write a grasp file in the format of another program.")
     parser.add_argument("file", metavar="FILE", type=Path, help="a grasp file")
@@ -29,10 +29,13 @@ def run_export(arguments: argparse.Namespace) -> tuple[int, str]:
     """Runs the subcommand.
 
     Args:
-        arguments: its parsed arguments.
+        arguments: those of `add_export`.
 
     Returns:
         The exit code and what to print.
+
+    Raises:
+        GraspFileError: when the grasp file cannot be read or the output cannot be written.
     """
     from drake_polygrasp import exporters
     from drake_polygrasp.files.grasp_file import load_grasps

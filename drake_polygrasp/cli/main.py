@@ -1,6 +1,6 @@
-"""The `polygrasp` command: reads its arguments, runs a subcommand and returns its exit code.
+"""The `polygrasp` command: parses the arguments, runs a subcommand and returns its exit code.
 
-Modules are imported where they are used, so that `verify` runs with no planner loaded.
+Subcommands import the library's modules where they use them, so that `verify` loads no planner.
 """
 
 from __future__ import annotations
@@ -13,34 +13,45 @@ from collections.abc import Callable, Sequence
 from drake_polygrasp.cli.explain import add_explain, run_explain
 from drake_polygrasp.cli.export import add_export, run_export
 from drake_polygrasp.cli.plan import add_plan, run_plan
-from drake_polygrasp.cli.reporting import BAD_INPUT, INTERRUPTED, complain, print_result
+from drake_polygrasp.cli.reporting import BAD_INPUT, INTERRUPTED, print_error, print_result
 from drake_polygrasp.cli.show import add_show, run_show
 from drake_polygrasp.cli.verify import add_verify, run_verify
 from drake_polygrasp.errors import PolygraspError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Runs the command and returns its exit code; usage errors leave through argparse with 2."""
+    """Runs the `polygrasp` command, with one line on standard error where something is wrong.
+
+    Args:
+        argv: the command's arguments, by default those of this process.
+
+    Returns:
+        The exit code: 0 when all that was asked for holds, 1 when something does not or no
+        certified grasp was found, 2 when the input is wrong, 130 when interrupted.
+
+    Raises:
+        SystemExit: with code 2 when the arguments are wrong, with 0 after `--help`.
+    """
     try:
         if isinstance(sys.stdout, io.TextIOWrapper):
-            # A file's name need not be text in the terminal's encoding.
+            # File names may hold characters that the terminal's encoding lacks.
             sys.stdout.reconfigure(errors="backslashreplace")
         arguments = make_parser().parse_args(argv)
         return print_result(*COMMANDS[arguments.command](arguments))
     except PolygraspError as error:
-        return complain(str(error), BAD_INPUT)
+        return print_error(str(error), BAD_INPUT)
     except KeyboardInterrupt:
-        return complain("interrupted", INTERRUPTED)
+        return print_error("interrupted", INTERRUPTED)
     except OSError as error:
-        return complain(f"{error.filename or 'system'}: {error.strerror}", BAD_INPUT)
+        return print_error(f"{error.filename or 'system'}: {error.strerror}", BAD_INPUT)
     except Exception as error:
-        return complain(
+        return print_error(
             f"internal error ({type(error).__name__}: {error}); please report it", BAD_INPUT
         )
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """The whole grammar; the result's `command` says which command was given."""
+    """Returns the parser of all subcommands, whose result's `command` is the subcommand's name."""
     parser = argparse.ArgumentParser(
         prog="polygrasp",
         description="Plans grasps of three frictional point contacts on two or three faces of an "
@@ -64,4 +75,4 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[int, str]]] = {
     "show": run_show,
     "export": run_export,
 }
-"""Each returns its exit code and what it prints."""
+"""What runs each subcommand: takes its arguments, returns its exit code and what to print."""

@@ -18,13 +18,26 @@ from drake_polygrasp.cli.values import (
 
 
 def add_command(commands: Any, name: str, help_: str) -> argparse.ArgumentParser:
-    """Adds a subcommand with its line of help."""
+    """Adds a subcommand to `polygrasp`.
+
+    Args:
+        commands: the subparsers of `polygrasp`.
+        name: the subcommand's name.
+        help_: one sentence on what it does, for `--help`.
+
+    Returns:
+        The subcommand's parser, to which its options are added.
+    """
     parser: argparse.ArgumentParser = commands.add_parser(name, help=help_, description=help_)
     return parser
 
 
 def add_package_options(parser: argparse.ArgumentParser) -> None:
-    """Adds where packages are found."""
+    """Adds the options that say where packages are.
+
+    Args:
+        parser: the subcommand's parser.
+    """
     parser.add_argument(
         "--package-path",
         metavar="DIR",
@@ -39,61 +52,82 @@ def add_package_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="packages",
-        help="the folder of one package, before all that are found (may be repeated)",
+        help="folder of one package, in place of any found by searching (may be repeated)",
     )
 
 
 def add_joints_free(parser: argparse.ArgumentParser) -> None:
-    """Adds whether links on joints are ignored."""
+    """Adds the option that ignores links on the body's joints.
+
+    Args:
+        parser: the subcommand's parser.
+    """
     parser.add_argument(
         "--joints-free",
         action="store_true",
-        help="ignore the links on the body's joints (default: in the model's default posture they "
-        "cover faces and leave fingertips no room)",
+        help="ignore the links on the body's joints (default: in the model's default posture, they "
+        "cover its faces and block fingertips)",
     )
 
 
 def add_scale(parser: argparse.ArgumentParser) -> None:
-    """Adds the scale of an OBJ model."""
+    """Adds the scale of an OBJ model.
+
+    Args:
+        parser: the subcommand's parser.
+    """
     parser.add_argument(
         "--scale",
         metavar="S",
         type=read_scale,
-        help="what the lengths of an .obj MODEL are multiplied by, 0.001 for millimetres (default: "
+        help="factor for the lengths of an .obj MODEL: 0.001 if they are in millimetres (default: "
         "1; other models state the scale of their meshes)",
     )
 
 
 def add_common_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the options of commands that print a report."""
+    """Adds the options of commands that print a report: those of packages, and JSON.
+
+    Args:
+        parser: the subcommand's parser.
+    """
     add_package_options(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object for machines")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object instead of a table"
+    )
 
 
 def add_object_options(parser: argparse.ArgumentParser) -> None:
-    """Adds the model, and what is asked of contacts on it."""
+    """Adds the model and the options that all planning shares.
+
+    Args:
+        parser: the subcommand's parser.
+    """
     parser.add_argument(
-        "model", metavar="MODEL", help="what Drake reads: .sdf .urdf .xml .dmd.yaml .obj"
+        "model",
+        metavar="MODEL",
+        help="a model that Drake reads: .sdf, .urdf, .xml (MJCF), .dmd.yaml or .obj",
     )
     parser.add_argument(
         "--body",
         metavar="NAME",
-        help="a link of the rigid body to grasp, whose frame is B (default: the base link of the "
-        "only one)",
+        help="a link of the rigid body to grasp; its frame is B (default: the base link, where the "
+        "model is one rigid body)",
     )
     add_joints_free(parser)
     add_scale(parser)
     parser.add_argument(
         "--mu",
         type=read_friction,
-        help="friction coefficient of all contacts (default: the model's, the lesser of static "
-        "and dynamic; 0.3 where it states none)",
+        help="friction coefficient of all contacts (default: the lesser of the model's static and "
+        "dynamic coefficients; 0.3 where it states none)",
     )
     parser.add_argument(
         "--method",
         choices=("enriched", "paper"),
         default="enriched",
-        help="the paper as printed, or with variants of its contacts (default: enriched)",
+        help="paper: one grasp per set of faces, as printed, ranked by Q; enriched: also search "
+        "the faces for contacts of high epsilon (default: enriched)",
     )
     parser.add_argument(
         "--edge-clearance",
@@ -106,8 +140,8 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         "--tip-radius",
         metavar="M",
         type=read_length,
-        help="radius of the fingertips that need room [m] (default: 2 percent of the object's "
-        "diameter; 0: points)",
+        help="radius of the spherical fingertips that must fit at the contacts [m] (default: 2 "
+        "percent of the object's diameter; 0: points, which fit anywhere)",
     )
     parser.add_argument(
         "--avoid-direction",
@@ -117,27 +151,27 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="avoid_directions",
-        help="no contact where the outward normal is within 45 degrees of this vector in the "
-        "body's frame: 0 0 -1 for what stands on a table (may be repeated)",
+        help="allow no contact where the outward normal is within 45 degrees of this vector, given "
+        "in the body's frame: 0 0 -1 for an object that stands on a table (may be repeated)",
     )
     parser.add_argument(
         "--exclude-faces",
         metavar="I,J,K",
         type=read_faces,
         default=(),
-        help="no contact on the faces of these indices, as explain and plan number them",
+        help="allow no contact on the faces of these indices, as plan and explain number them",
     )
     parser.add_argument(
         "--patch-angle",
         metavar="RAD",
         type=read_angle,
-        help="how far normals lean within a patch of a curved or noisy surface [rad] (default: "
-        "0.21, 12 degrees)",
+        help="greatest angle between a patch's normal and those of its facets, on curved or noisy "
+        "surfaces [rad] (default: 0.21, 12 degrees)",
     )
     parser.add_argument(
         "--patch-depth",
         metavar="M",
         type=read_depth,
-        help="how far facets lie off the plane of their patch [m] (default: 0.5 percent of the "
-        "object's diameter)",
+        help="greatest distance of facets from the plane of their patch [m] (default: 0.5 percent "
+        "of the object's diameter)",
     )

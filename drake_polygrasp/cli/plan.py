@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from drake_polygrasp.cli.calls import child_limits, load_model, planning_options
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.options import add_command, add_common_options, add_object_options
-from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, complain
+from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, print_error
 from drake_polygrasp.cli.values import read_count
 from drake_polygrasp.errors import UsageError
 
@@ -20,33 +20,39 @@ if TYPE_CHECKING:
     from drake_polygrasp.pipeline.plan import GraspPlan
 
 
-MOST_ASKED = 2
-"""Times the grasps wanted, ours: how many `plan --plant` has a plant asked about at most."""
+_MAX_PLANT_CHECKS = 2
+"""Grasps that `plan --plant` checks at most, per grasp wanted. Our choice."""
 
 
 def add_plan(commands: Any) -> None:
-    """Adds the subcommand to those of the parser."""
-    parser = add_command(commands, "plan", "Plan grasps, prove them and write them.")
+    """Adds the subcommand and its options.
+
+    Args:
+        commands: the subparsers of `polygrasp`.
+    """
+    parser = add_command(
+        commands, "plan", "Plan grasps of a model, prove each one and write them to a grasp file."
+    )
     add_object_options(parser)
     parser.add_argument(
         "--top",
         metavar="K",
         type=read_count,
         default=10,
-        help="how many grasps to write at most (default: 10)",
+        help="greatest number of grasps to write, one per set of faces (default: 10)",
     )
     parser.add_argument(
         "--rank",
         choices=("epsilon", "margin", "Q"),
-        help="what puts one grasp before another (default: epsilon; Q for --method paper)",
+        help="value that grasps are ranked by, best first (default: epsilon; Q for --method paper)",
     )
     parser.add_argument(
         "--effort",
         choices=("full", "quick", "complete"),
         default="full",
-        help="quick: search less and without the paper's stages, for grasps of a somewhat lower "
-        "epsilon and without Q in a fraction of the time; complete: evaluate every set of faces, "
-        "up to 20 million, however many grasps are found (default: full)",
+        help="quick: search less and skip the paper's stages: a fraction of the time, somewhat "
+        "lower epsilon, no Q; complete: evaluate every set of faces, up to 20 million, however "
+        "many grasps are found (default: full)",
     )
     parser.add_argument(
         "--gap",
@@ -54,32 +60,42 @@ def add_plan(commands: Any) -> None:
         nargs="?",
         type=read_count,
         const=0,
-        help="say too how near the best grasp is to the best possible one, by branch and bound "
-        "over so many pieces of the faces (default: 100000, about a minute); for bodies without "
-        "curved or noisy surfaces",
+        help="also report how close the best grasp is to the optimum, by branch and bound over "
+        "this many nodes (default: 100000, about a minute); for objects with planar faces only",
     )
     parser.add_argument(
         "--plant",
         action="store_true",
-        help="have grasps hold the model in a MultibodyPlant, best first, until K of them hold or "
-        "2 K were asked about; those that fail are written behind those that hold, all with their "
-        "verdicts",
+        help="also check grasps in a MultibodyPlant, best first, until K of them hold or 2 K were "
+        "checked; those that fail are written after those that hold, all with their verdicts",
     )
     parser.add_argument(
         "-o",
         "--output",
         metavar="FILE",
         type=Path,
-        help="the grasp file (default: MODEL's name with .grasp.yaml in the current folder)",
+        help="grasp file to write (default: MODEL's name with .grasp.yaml in the current folder)",
     )
     add_common_options(parser)
 
 
 def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
-    """Returns the exit code and what to print."""
+    """Runs the subcommand.
+
+    Args:
+        arguments: those of `add_plan`.
+
+    Returns:
+        The exit code and what to print.
+
+    Raises:
+        ModelError: when the model cannot be loaded.
+        GraspFileError: when the grasp file cannot be written.
+        UsageError: when an option does not fit the object or another option.
+    """
     output = arguments.output or _default_output(arguments.model)
     if output.exists() and Path(arguments.model).exists() and output.samefile(arguments.model):
-        raise UsageError(f"{output}: is the model; name another file with -o")
+        raise UsageError(f"{output}: is the model, not a file to write to; name another with -o")
     object_, load_seconds = load_model(arguments)
 
     from drake_polygrasp.cli.plan_table import (
@@ -98,20 +114,20 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
         object_,
         limits=child_limits(arguments, f"planning grasps of {arguments.model}"),
         **planning_options(arguments)
-        | {"top": MOST_ASKED * arguments.top if arguments.plant else arguments.top},
+        | {"top": _MAX_PLANT_CHECKS * arguments.top if arguments.plant else arguments.top},
     )
     if arguments.plant and plan.grasps:
-        plan = _in_plant(arguments, object_, plan)
+        plan = _rank_in_plant(arguments, object_, plan)
     if plan.grasps:
-        # Without it, the friction stated here would look better than the model's.
+        # The file says that friction is the user's, or `verify` would compare it with the model's.
         settings = replace(plan.settings, mu=arguments.mu)
         save_grasps(output, object_, plan.grasps, settings)
     else:
-        complain(no_grasp_message(arguments.model, object_, plan, output), FAILED)
+        print_error(no_grasp_message(arguments.model, object_, plan, output), FAILED)
     gap = None if arguments.gap is None else _gap(arguments, object_, plan)
     code = DONE if plan.grasps else FAILED
     if arguments.plant and plan.grasps and not any(map(holds_in_plant, plan.grasps)):
-        code = complain(f"{output}: a plant bears out none of the grasps", FAILED)
+        code = print_error(f"{output}: none of the grasps holds in the plant", FAILED)
     if not arguments.json:
         table = [plan_table(arguments.model, object_, plan, output)] if plan.grasps else []
         return code, "\n".join(table + (gap_lines(gap) if gap else []))
@@ -132,7 +148,10 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
     )
 
 
-def _in_plant(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -> GraspPlan:
+def _rank_in_plant(
+    arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan
+) -> GraspPlan:
+    """Returns the plan with grasps that hold in a MultibodyPlant first."""
     ranked: GraspPlan
     ranked, _ = call_in_child(
         "drake_polygrasp.pipeline.plant_ranking:rank_in_plant",
@@ -147,6 +166,7 @@ def _in_plant(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPl
 
 
 def _gap(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -> OptimalityGap:
+    """Bounds how far the plan is from the optimum."""
     gap: OptimalityGap
     gap, _ = call_in_child(
         "drake_polygrasp.optimality.gap:epsilon_gap",
@@ -159,5 +179,6 @@ def _gap(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -
 
 
 def _default_output(model: str) -> Path:
+    """Returns the model's name with .grasp.yaml, in the current folder."""
     name = PurePath(model).name.removesuffix(".yaml")
     return Path(f"{PurePath(name).stem}.grasp.yaml")

@@ -1,4 +1,4 @@
-"""What `polygrasp plan` prints: a table for people, plain documents for machines."""
+"""The output of `polygrasp plan`: a table, the lines of `--gap`, and the gap's part of the JSON."""
 
 from __future__ import annotations
 
@@ -6,66 +6,74 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drake_polygrasp.cli.table import aligned
+from drake_polygrasp.cli.table import align_columns, friction_hint, head_line, lacking_friction
 
 if TYPE_CHECKING:
     from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
     from drake_polygrasp.optimality.gap import OptimalityGap
     from drake_polygrasp.pipeline.plan import GraspPlan
-from drake_polygrasp.cli.table import friction_hint, head_line, lacking_friction
-
-if TYPE_CHECKING:
-    from drake_polygrasp.grasp import CertifiedGrasp
 
 
 def holds_in_plant(grasp: CertifiedGrasp) -> bool:
-    """Whether a plant was asked and all its verdicts are "holds"."""
+    """Returns whether a grasp was checked in a plant and every verdict is "holds".
+
+    Args:
+        grasp: a planned grasp.
+    """
     return grasp.plant is not None and grasp.plant.holds
 
 
-def plant_column(grasps: Sequence[CertifiedGrasp]) -> list[tuple[str, ...]]:
-    """The last cells of a plan's header, its units and its rows; empty where no plant was asked."""
+def _plant_column(grasps: Sequence[CertifiedGrasp]) -> list[tuple[str, ...]]:
+    """Returns the cells "plant" of header, units and rows; empty rows without a plant check."""
     if not any(grasp.plant for grasp in grasps):
         return [()] * (2 + len(grasps))
     verdicts = [("-" if grasp.plant is None else str(grasp.plant.verdict),) for grasp in grasps]
     return [("plant",), ("",), *verdicts]
 
 
-def plan_plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
-    """How many grasps a plant bears out, and for each other one the first verdict against it."""
-    asked = [grasp for grasp in grasps if grasp.plant is not None]
-    if not asked:
+def _plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
+    """Returns how many grasps hold in the plant, and the ranks of the others by first fault."""
+    checked = [grasp for grasp in grasps if grasp.plant is not None]
+    if not checked:
         return []
-    ranks: dict[str, list[str]] = {}
+    ranks_by_fault: dict[str, list[str]] = {}
     for rank, grasp in enumerate(grasps, start=1):
         if grasp.plant is not None and not grasp.plant.holds:
-            against = next(v for v in grasp.plant.verdicts if v.verdict is grasp.plant.verdict)
-            reason = f": {against.reason}" if against.reason else ""
-            ranks.setdefault(f"{against.name} {against.verdict}{reason}", []).append(str(rank))
+            first = next(v for v in grasp.plant.verdicts if v.verdict is grasp.plant.verdict)
+            reason = f": {first.reason}" if first.reason else ""
+            fault = f"{first.name} {first.verdict}{reason}"
+            ranks_by_fault.setdefault(fault, []).append(str(rank))
     return [
-        f"in a plant {sum(map(holds_in_plant, asked))} of {len(asked)} grasps hold",
+        f"in a plant {sum(map(holds_in_plant, checked))} of {len(checked)} grasps hold",
         *(
-            f"grasp{'s' if len(who) > 1 else ''} {', '.join(who)}, {fault}"
-            for fault, who in ranks.items()
+            f"grasp{'s' if len(ranks) > 1 else ''} {', '.join(ranks)}, {fault}"
+            for fault, ranks in ranks_by_fault.items()
         ),
     ]
 
 
 def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
-    """The grasps, one a row, best first."""
+    """Returns the table of a plan's grasps, best first, one per row.
+
+    Args:
+        model: the model's name.
+        object_: the object.
+        plan: its plan, with at least one grasp.
+        output: the grasp file that was written.
+    """
     header = ("rank", "faces", "kind", "Q", "margin", "epsilon", "mu_min", "placement", "squeeze")
     units = ("", "", "", "", "", "", "", "[mm]", "[N]")
     rows = [_grasp_row(rank, grasp) for rank, grasp in enumerate(plan.grasps, start=1)]
-    in_plant = plant_column(plan.grasps)
+    in_plant = _plant_column(plan.grasps)
     num_faces = len(object_.polyhedron.faces)
     head = head_line(model, num_faces, plan.excluded_faces, plan.num_sets)
     return "\n".join(
         [
             f"{head}, {_counts(plan)}",
-            *aligned(
+            *align_columns(
                 [(*row, *cell) for row, cell in zip([header, units, *rows], in_plant, strict=True)]
             ),
-            *plan_plant_lines(plan.grasps),
+            *_plant_lines(plan.grasps),
             *_placement_note(object_, plan.grasps),
             f"wrote {output}",
         ]
@@ -73,20 +81,20 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
 
 
 def _counts(plan: GraspPlan) -> str:
-    """How many sets have a proved grasp; "so far" where more may have one."""
+    """Returns how many sets have a proved grasp, "so far" where others were not evaluated."""
     if not plan.num_not_evaluated:
         return f"{plan.num_certified} certified, all evaluated"
     return f"{plan.num_certified} proved so far, {plan.num_not_evaluated} not evaluated"
 
 
 def _placement_note(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> list[str]:
-    """Why placement tolerances are small where contacts are on patches."""
+    """Returns a line on why placement tolerances are small, where a contact is on a patch."""
     faces = object_.polyhedron.faces
     if not any(faces[k].reach > 0 for certified in grasps for k in certified.grasp.faces):
         return []
     return [
-        "placement is promised only as far as normals stay the same: on patches of curved or "
-        "scanned surfaces, within a contact's own facet or a milliradian of the curve"
+        "placement holds only as far as normals stay the same: on curved or scanned surfaces, "
+        "within a contact's own facet or a milliradian of the curve"
     ]
 
 
@@ -107,7 +115,11 @@ def _grasp_row(rank: int, certified: CertifiedGrasp) -> tuple[str, ...]:
 
 
 def gap_lines(gap: OptimalityGap) -> list[str]:
-    """How near the plan is to the best possible grasp, and a better one if it was met."""
+    """Returns lines on how close the plan is to the optimum, and on a better grasp if one is known.
+
+    Args:
+        gap: what branch and bound found.
+    """
     end = "nodes" if gap.complete else "nodes; more would lower it"
     within = (
         ""
@@ -121,14 +133,18 @@ def gap_lines(gap: OptimalityGap) -> list[str]:
     if gap.better is not None:
         points = ", ".join(" ".join(f"{x:.4f}" for x in p) for p in gap.better.p_BC.tolist())
         lines.append(
-            f"a better one exists: epsilon {gap.better.epsilon:.4f} on faces "
+            f"a better grasp exists: epsilon {gap.better.epsilon:.4f} on faces "
             f"{' '.join(map(str, gap.better.faces))} at {points}"
         )
     return lines
 
 
 def gap_document(gap: OptimalityGap) -> dict[str, Any]:
-    """The gap for machines."""
+    """Returns the gap as a document for JSON.
+
+    Args:
+        gap: what branch and bound found.
+    """
     better = gap.better
     return {
         "epsilon_bound": gap.epsilon_bound,
@@ -144,9 +160,16 @@ def gap_document(gap: OptimalityGap) -> dict[str, Any]:
 
 
 def no_grasp_message(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
-    """That there is no grasp, or that none was found; why, and what might mend it."""
+    """Returns the message of a plan without grasps: whether all sets were evaluated, and why.
+
+    Args:
+        model: the model's name.
+        object_: the object.
+        plan: its plan, without grasps.
+        output: the grasp file that is not written.
+    """
     reasons = ", ".join(f"{count} {reason}" for reason, count in plan.reasons.items())
-    why = f" ({reasons})" if reasons else ": no two are wide enough for fingers"
+    why = f" ({reasons})" if reasons else ": no two faces have room within the edge clearance"
     if plan.outcome == "none_found":
         result = (
             f"no grasp found; {plan.num_not_evaluated} of {plan.num_sets} sets of faces were not "

@@ -1,4 +1,7 @@
-"""One line of progress on standard error, where that is a terminal; written over and wiped off."""
+"""Shows progress as one line on standard error, overwritten and finally erased.
+
+Nothing is shown where standard error is not a terminal.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,28 @@ import sys
 from time import perf_counter
 from typing import Self
 
-PATIENCE, TICK = 1.0, 0.5
-"""[s] before the first word on progress, and between the next; ours."""
+_DELAY_SECONDS = 1.0
+"""Time before the line first appears [s]. Our choice."""
+REFRESH_SECONDS = 0.5
+"""Time between two updates of the line [s]. Our choice."""
 
 
 class ProgressLine:
-    """Says what is being done and for how long; after a second, and to a terminal only."""
+    """A line on the terminal that says what is being done, how much of it and for how long.
+
+    It is a context manager: leaving it erases the line.
+
+    Args:
+        name: what is being done: "planning grasps of cube.sdf".
+        unit: plural of what is counted ("grasps"); empty where nothing is.
+        quiet: whether nothing is shown, not even on a terminal.
+    """
 
     def __init__(self, name: str, unit: str = "", *, quiet: bool = False) -> None:
-        """Of a task with a name for people, counted in units ("grasps") where it counts."""
         self._name, self._unit = name, unit
         stream = sys.stderr
         self._shown = not quiet and stream is not None and stream.isatty()
-        self._start, self._next = perf_counter(), PATIENCE
+        self._start, self._next = perf_counter(), _DELAY_SECONDS
         self._count, self._dirty = "", False
 
     def __enter__(self) -> Self:
@@ -30,18 +42,23 @@ class ProgressLine:
 
     @property
     def elapsed(self) -> float:
-        """[s] since the start."""
+        """Time since the start [s]."""
         return perf_counter() - self._start
 
-    def tell(self, done: int, total: int) -> None:
-        """Says how many units are done, from the next tick on."""
-        self._count = f" {done:,} of {total:,} {self._unit},"
-        self.tick()
+    def update(self, done: int, total: int) -> None:
+        """Sets the counts to show, and refreshes the line if it is due.
 
-    def tick(self) -> None:
-        """Writes the line anew if it is time to."""
+        Args:
+            done: how many units are done.
+            total: how many there are.
+        """
+        self._count = f" {done:,} of {total:,} {self._unit},"
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Rewrites the line if `REFRESH_SECONDS` have passed since the last time."""
         elapsed = self.elapsed
         if self._shown and elapsed >= self._next:
-            self._next, self._dirty = elapsed + TICK, True
+            self._next, self._dirty = elapsed + REFRESH_SECONDS, True
             line = f"\r{self._name} ...{self._count} {elapsed:.0f} s\x1b[K"
             print(line, end="", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""What commands say on standard error and print, and their exit codes."""
+"""Exit codes, results on standard output, messages on standard error, and JSON text."""
 
 from __future__ import annotations
 
@@ -15,44 +15,70 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: all that was asked for holds; something does not, or nothing was found; the input or
 the usage is wrong; stopped from the keyboard."""
 _FILE = re.compile(r"(.+?)(?=(?::\d+[^:]*)?: )")
-"""The file that a message begins with, before its line."""
+"""The file name that opens a message, before ": " or ":LINE: "."""
 
 
 def print_result(code: int, text: str) -> int:
-    """Prints the result and passes the code on; who closes the pipe early has read enough."""
+    """Prints a command's result on standard output.
+
+    A closed pipe is no error: whoever reads it has read enough.
+
+    Args:
+        code: the command's exit code.
+        text: what to print; nothing where empty.
+
+    Returns:
+        The exit code: `code`, or BAD_INPUT where standard output cannot be written.
+    """
     try:
         if text:
             print(text, flush=True)
     except OSError as error:
-        # Python flushes once more on leaving.
+        # On exit Python flushes standard output once more, which would fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
-            return complain(f"standard output: {error.strerror}", BAD_INPUT)
+            return print_error(f"standard output: {error.strerror}", BAD_INPUT)
     return code
 
 
-def complain(message: str, code: int) -> int:
-    """Says in one line why the exit code is not 0, and passes the code on."""
-    say(f"polygrasp: {message}")
+def print_error(message: str, code: int) -> int:
+    """Prints on standard error, in one line, why the exit code is not 0.
+
+    Args:
+        message: what went wrong.
+        code: the exit code.
+
+    Returns:
+        `code`.
+    """
+    _print_line(f"polygrasp: {message}")
     return code
 
 
-def warn(warnings: Iterable[str]) -> None:
-    """Prints each in a line, with the name of the file it is about but not its folders."""
+def print_warnings(warnings: Iterable[str]) -> None:
+    """Prints each warning in a line on standard error.
+
+    Args:
+        warnings: the warnings; of a path that opens one, only the file's name is printed.
+    """
     for warning in warnings:
         file = _FILE.match(warning)
         if file and Path(file[0]).exists():
             warning = Path(file[0]).name + warning[file.end() :]
-        say(f"warning: {warning}")
+        _print_line(f"warning: {warning}")
 
 
-def say(message: str) -> None:
-    """Prints one line on standard error, where there is one."""
+def _print_line(message: str) -> None:
+    """Prints one line on standard error, if there is one."""
     if sys.stderr is not None:
         with suppress(OSError):
             print(" ".join(message.splitlines()), file=sys.stderr, flush=True)
 
 
 def as_json(document: dict[str, Any]) -> str:
-    """Returns a document as text for machines."""
+    """Returns a document as JSON text.
+
+    Args:
+        document: plain data: dictionaries, lists, text, finite numbers, booleans and None.
+    """
     return json.dumps(document, indent=2, allow_nan=False)

@@ -1,4 +1,4 @@
-"""Lines and columns that the tables of several subcommands share."""
+"""Columns and lines that the tables of several subcommands share."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ if TYPE_CHECKING:
     from drake_polygrasp.grasp import GraspObject
 
 
-MOST_NAMED = 12
-"""Faces that a line names by their indices, ours; of more it tells how many."""
+_MAX_NAMED_FACES = 12
+"""How many excluded faces a line lists by index; of more it states the number. Our choice."""
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows as lines: columns of numbers stand on the right, text on the left."""
+def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Returns rows of a table as lines, with columns of numbers aligned right and of text left.
+
+    Args:
+        rows: cells, as many in each row; the first row is the header.
+    """
     columns = list(zip(*rows, strict=True))
     widths = [max(map(len, column)) for column in columns]
     numeric = [
@@ -31,23 +35,39 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def lacking_friction(object_: GraspObject, mu_needed: float | None) -> float | None:
-    """`mu_needed` where the object has less: else it is not friction that is lacking."""
+    """Returns `mu_needed` if no face of the object has as much friction, else None.
+
+    Args:
+        object_: the object.
+        mu_needed: least friction at which some set of faces passes orientation.
+    """
     if mu_needed is None or mu_needed <= max(face.mu for face in object_.polyhedron.faces):
         return None
     return mu_needed
 
 
 def friction_hint(mu_needed: float | None) -> str:
-    """How much friction the first set of faces needs, where friction is lacking."""
+    """Returns the end of a "no grasp" message that says how much friction is needed.
+
+    Args:
+        mu_needed: least friction at which some set of faces passes orientation; None where friction
+            is not what is lacking, and then the text is empty.
+    """
     if mu_needed is None:
         return ""
     return f"; the first set of faces passes orientation at a friction above {mu_needed:.4f}"
 
 
 def head_line(model: str, num_faces: int, excluded: Sequence[int], num_sets: int) -> str:
-    """The model, its faces, those excluded, and its sets of faces."""
-    named = (
-        " ".join(map(str, excluded)) if len(excluded) <= MOST_NAMED else f"{len(excluded)} faces"
-    )
-    avoided = f" (excluded: {named})" if excluded else ""
-    return f"{model}: {num_faces} faces{avoided}, {num_sets} sets of faces"
+    """Returns a table's first line: the model, its faces and its sets of faces.
+
+    Args:
+        model: the model's name.
+        num_faces: number of its faces.
+        excluded: indices of the faces excluded by the user, ascending.
+        num_sets: number of its sets of two or three faces.
+    """
+    listed = len(excluded) <= _MAX_NAMED_FACES
+    faces = " ".join(map(str, excluded)) if listed else f"{len(excluded)} faces"
+    exclusion = f" (excluded: {faces})" if excluded else ""
+    return f"{model}: {num_faces} faces{exclusion}, {num_sets} sets of faces"

@@ -1,4 +1,4 @@
-"""Reads the values of the command line's options; what is none is argparse's usage error."""
+"""Parses and validates option values; argparse turns a refusal into a usage error."""
 
 from __future__ import annotations
 
@@ -7,72 +7,113 @@ import math
 
 from drake_polygrasp.loading.model_checks import MAX_FRICTION, MAX_SCALE
 
-MAX_LENGTH = 1000.0
-"""Ours [m]: clearances and radii beyond it are slips of the pen."""
+_MAX_LENGTH = 1000.0
+"""Greatest clearance or radius accepted [m]. Our choice: beyond it, a value is a typing error."""
 
 
 def read_package(text: str) -> tuple[str, str]:
-    """Returns the name and folder of NAME=DIR."""
+    """Returns the name and folder of NAME=DIR.
+
+    Args:
+        text: the option's value.
+
+    Raises:
+        ArgumentTypeError: when it has another form.
+    """
     name, equals, folder = text.partition("=")
     if not (name and equals and folder):
         raise argparse.ArgumentTypeError(f"{text!r} is not NAME=DIR")
     return name, folder
 
 
-def read_number(text: str, most: float, least: float = 0.0) -> float:
-    """Returns a number from `least` to `most`."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not least <= number <= most:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from {least:g} to {most:g}")
-    return number
-
-
 def read_friction(text: str) -> float:
-    """Returns a friction coefficient above 0."""
-    number = read_number(text, MAX_FRICTION)
+    """Returns a friction coefficient, above 0 and at most MAX_FRICTION.
+
+    Args:
+        text: the option's value.
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
+    number = _read_number(text, MAX_FRICTION)
     if number == 0:
-        raise argparse.ArgumentTypeError("without friction there is no grasp")
+        raise argparse.ArgumentTypeError("without friction there is no grasp; give more than 0")
     return number
 
 
 def read_scale(text: str) -> float:
-    """Returns a factor above 0."""
-    return read_number(text, MAX_SCALE, least=1 / MAX_SCALE)
+    """Returns a scale factor, from 1 / MAX_SCALE to MAX_SCALE.
+
+    Args:
+        text: the option's value.
+    """
+    return _read_number(text, MAX_SCALE, least=1 / MAX_SCALE)
 
 
 def read_length(text: str) -> float:
-    """Returns a length [m]."""
-    return read_number(text, MAX_LENGTH)
+    """Returns a length of 0 to 1,000 m.
+
+    Args:
+        text: the option's value [m].
+    """
+    return _read_number(text, _MAX_LENGTH)
 
 
 def read_depth(text: str) -> float:
-    """Returns a length above 0 [m]."""
+    """Returns a patch depth, above 0 and at most 1,000 m.
+
+    Args:
+        text: the option's value [m].
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
     depth = read_length(text)
     if depth == 0:
-        raise argparse.ArgumentTypeError("facets of a curve lie off its patch; more than 0")
+        raise argparse.ArgumentTypeError(
+            "facets of a curved surface lie off the plane of their patch; give more than 0"
+        )
     return depth
 
 
 def read_angle(text: str) -> float:
-    """Returns an angle above 0 and below pi/2 [rad]."""
-    angle = read_number(text, math.pi / 2)
+    """Returns an angle strictly between 0 and pi/2.
+
+    Args:
+        text: the option's value [rad].
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
+    angle = _read_number(text, math.pi / 2)
     if not 0 < angle < math.pi / 2:
         raise argparse.ArgumentTypeError(f"{text!r} is not above 0 and below pi/2")
     return angle
 
 
 def read_count(text: str) -> int:
-    """Returns a positive whole number."""
+    """Returns a positive whole number.
+
+    Args:
+        text: the option's value.
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
     if not text.isascii() or not text.isdigit() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")
     return int(text)
 
 
 def read_component(text: str) -> float:
-    """Returns a finite number."""
+    """Returns a finite number, as one component of a vector.
+
+    Args:
+        text: the option's value.
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
     try:
         number = float(text)
     except ValueError:
@@ -83,7 +124,14 @@ def read_component(text: str) -> float:
 
 
 def read_faces(text: str) -> tuple[int, ...]:
-    """Returns indices of faces, ascending."""
+    """Returns face indices, ascending.
+
+    Args:
+        text: the option's value: whole numbers separated by commas.
+
+    Raises:
+        ArgumentTypeError: when it has another form.
+    """
     indices = text.split(",")
     if not all(i.isascii() and i.isdigit() for i in indices):
         raise argparse.ArgumentTypeError(f"{text!r} is not I,J,K, indices of faces")
@@ -91,8 +139,26 @@ def read_faces(text: str) -> tuple[int, ...]:
 
 
 def read_face_set(text: str) -> tuple[int, ...]:
-    """Returns two or three indices of faces."""
+    """Returns the two or three face indices of a set, ascending.
+
+    Args:
+        text: the option's value: whole numbers separated by commas.
+
+    Raises:
+        ArgumentTypeError: when it has another form.
+    """
     faces = read_faces(text)
     if len(faces) not in (2, 3):
         raise argparse.ArgumentTypeError(f"{text!r} is not I,J or I,J,K, indices of faces")
     return faces
+
+
+def _read_number(text: str, most: float, least: float = 0.0) -> float:
+    """Returns a number from `least` to `most`."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not least <= number <= most:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from {least:g} to {most:g}")
+    return number

@@ -9,14 +9,18 @@ from typing import Any
 from drake_polygrasp.cli.calls import child_limits
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.options import add_command, add_common_options
-from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, complain, warn
+from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, print_error, print_warnings
 from drake_polygrasp.errors import UsageError
 
 
 def add_verify(commands: Any) -> None:
-    """Adds the subcommand to those of the parser."""
+    """Adds the subcommand and its options.
+
+    Args:
+        commands: the subparsers of `polygrasp`.
+    """
     parser = add_command(
-        commands, "verify", "Check what a grasp file claims; the file is not changed."
+        commands, "verify", "Check everything that a grasp file states; the file is not changed."
     )
     parser.add_argument("file", metavar="FILE", type=Path, help="a grasp file")
     parser.add_argument(
@@ -27,32 +31,43 @@ def add_verify(commands: Any) -> None:
     parser.add_argument(
         "--plant",
         action="store_true",
-        help="have each grasp hold the model in a MultibodyPlant too: geometry, statics and "
-        "simulation",
+        help="also check each grasp in a MultibodyPlant: geometry, statics and simulation",
     )
     parser.add_argument(
         "--scene",
         metavar="DIRECTIVES",
         type=Path,
-        help="with --plant: a file of model directives that hold the object and other bodies, "
-        "which no fingertip may penetrate (default: the object alone)",
+        help="with --plant: model directives of a scene with the object and other bodies, which "
+        "no fingertip may penetrate (default: the object alone)",
     )
     parser.add_argument(
         "-o",
         "--output",
         metavar="NEW",
         type=Path,
-        help="with --plant: write a copy of FILE with the results",
+        help="with --plant: write a copy of FILE with the plant's verdicts",
     )
     add_common_options(parser)
 
 
 def run_verify(arguments: argparse.Namespace) -> tuple[int, str]:
-    """Returns the exit code and what to print."""
+    """Runs the subcommand.
+
+    Args:
+        arguments: those of `add_verify`.
+
+    Returns:
+        The exit code and what to print.
+
+    Raises:
+        GraspFileError: when the grasp file cannot be read, or the copy cannot be written.
+        ModelError: when the model or the scene is there but cannot be loaded.
+        UsageError: when an option needs `--plant` and it is not given.
+    """
     if arguments.output is not None and not arguments.plant:
-        raise UsageError("-o writes what a plant says of the grasps: add --plant")
+        raise UsageError("-o: it writes the verdicts of checks in a plant; add --plant")
     if arguments.scene is not None and not arguments.plant:
-        raise UsageError("--scene is for the plant that grasps are checked in: add --plant")
+        raise UsageError("--scene: it describes the plant to check grasps in; add --plant")
     report, _ = call_in_child(
         "drake_polygrasp.verification.verify:verify_file",
         arguments.file,
@@ -62,14 +77,20 @@ def run_verify(arguments: argparse.Namespace) -> tuple[int, str]:
         plant=arguments.plant,
         scene=arguments.scene,
     )
-    warn(report.warnings)
+    print_warnings(report.warnings)
     holds = report.holds
     if arguments.require_model and not report.model_checked:
         holds = False
-        complain(f"{arguments.file}: the model is required, and was not checked", FAILED)
+        print_error(
+            f"{arguments.file}: --require-model is given, but the model was not found", FAILED
+        )
     if arguments.plant and not report.plant_checked:
         holds = False
-        complain(f"{arguments.file}: not every grasp was fit to be checked in a plant", FAILED)
+        print_error(
+            f"{arguments.file}: not every grasp was checked in a plant, as only those are whose "
+            "other checks do not fail",
+            FAILED,
+        )
     if arguments.output is not None:
         from drake_polygrasp.verification.plant_results import save_plant_results
 

@@ -1,34 +1,32 @@
-"""What `polygrasp verify` prints: a table for people, a plain document for machines."""
+"""The output of `polygrasp verify`: a table and a document for JSON."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from drake_polygrasp.cli.table import aligned
+from drake_polygrasp.cli.table import align_columns
 from drake_polygrasp.files.plant_block import plant_document
 
 if TYPE_CHECKING:
     from drake_polygrasp.verification.report import GraspReport, VerificationReport
 
 
-def verified_plant_column(report: VerificationReport) -> list[tuple[str, ...]]:
-    """The last cells of the header and of each row; empty where nothing says anything of a plant.
-
-    What the file states and no plant was asked again is "stated".
-    """
+def _plant_column(report: VerificationReport) -> list[tuple[str, ...]]:
+    """Returns the cells "PLANT" of header and rows; empty rows where there is no plant verdict."""
     if not any(grasp.plant or grasp.stated_plant for grasp in report.grasps):
         return [()] * (1 + len(report.grasps))
-    return [("PLANT",), *((_cell(grasp),) for grasp in report.grasps)]
+    return [("PLANT",), *((_plant_cell(grasp),) for grasp in report.grasps)]
 
 
-def _cell(grasp: GraspReport) -> str:
+def _plant_cell(grasp: GraspReport) -> str:
+    """Returns the plant's verdict now, or else what the file states, marked "stated"."""
     if grasp.plant is not None:
         return str(grasp.plant.verdict)
     return "-" if grasp.stated_plant is None else f"stated: {grasp.stated_plant.verdict}"
 
 
-def verified_plant_lines(report: VerificationReport) -> list[str]:
-    """A row for each verdict of a plant, with what is left until it would not hold."""
+def _plant_lines(report: VerificationReport) -> list[str]:
+    """Returns a table of the plant's verdicts, with how far each check is from failing."""
     rows = [
         (
             str(rank),
@@ -45,23 +43,27 @@ def verified_plant_lines(report: VerificationReport) -> list[str]:
     if not rows:
         return []
     return [
-        *aligned([("rank", "check", "verdict", "margin", "unit", ""), *rows]),
+        *align_columns([("rank", "check", "verdict", "margin", "unit", ""), *rows]),
         *_surroundings_line(report),
     ]
 
 
 def _surroundings_line(report: VerificationReport) -> list[str]:
-    """What other bodies were there, and for what."""
+    """Returns a line that names the scene's other bodies and the check that regards them."""
     for grasp in report.grasps:
         if grasp.plant is not None and "surroundings" in grasp.plant.settings:
             names = ", ".join(grasp.plant.settings["surroundings"]) or "no other body"
-            return [f"in the scene stood {names}: part of geometry, not of statics and simulation"]
+            return [f"the scene has {names}: regarded in geometry, not in statics and simulation"]
     return []
 
 
 def verify_table(report: VerificationReport) -> str:
-    """One row a grasp, and below it a sentence for each line that has something to say."""
-    in_plant = verified_plant_column(report)
+    """Returns the table of a verification: a row per grasp, and below it the checks' reasons.
+
+    Args:
+        report: what verification found.
+    """
+    in_plant = _plant_column(report)
     rows = [
         (str(rank), *(str(line.status) for line in grasp.lines.values()), *cell)
         for rank, (grasp, cell) in enumerate(zip(report.grasps, in_plant[1:], strict=True), start=1)
@@ -75,20 +77,25 @@ def verify_table(report: VerificationReport) -> str:
     summary = "something does not hold" if report.holds is False else "all that was checked holds"
     if report.holds is None:
         summary += "" if report.model_checked else "; SURFACE was not checked"
-        summary += "" if report.plant_decided else "; a plant leaves grasps undecided"
+        summary += "" if report.plant_decided else "; some grasps are undecided in the plant"
     return "\n".join(
         [
             f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",
-            *aligned([("rank", "FORCES", "SURFACE", "NUMBERS", *in_plant[0]), *rows]),
+            *align_columns([("rank", "FORCES", "SURFACE", "NUMBERS", *in_plant[0]), *rows]),
             *remarks,
-            *verified_plant_lines(report),
+            *_plant_lines(report),
             summary if rows else "the file holds no grasp",
         ]
     )
 
 
 def verify_document(report: VerificationReport, holds: bool | None) -> dict[str, Any]:
-    """The report for machines; `holds` is that of the report or, as more was asked for, False."""
+    """Returns the verification as a document for JSON.
+
+    Args:
+        report: what verification found.
+        holds: whether all that was asked for holds; None if undecided.
+    """
     return {
         "file": str(report.path),
         "holds": holds,

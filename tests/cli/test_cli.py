@@ -101,7 +101,7 @@ def test_the_table_says_why_placement_on_patches_is_narrow(
     Path("can.sdf").write_text(BOX_SDF.replace("<box><size>0.1 0.1 0.2</size></box>", can))
     for file, says in (("can.sdf", True), (CUBE, False)):
         plan = Run(capsys, f"plan {file}")
-        assert (plan.code, "placement is promised only" in plan.out) == (0, says)
+        assert (plan.code, "placement holds only" in plan.out) == (0, says)
 
 
 def test_plan_in_json_is_one_object_that_says_what_the_file_says(

@@ -155,7 +155,7 @@ def test_verify_asks_in_the_users_scene(
     assert main(["plan", "cube.sdf", "--top", "1"]) == 0
     command = ["verify", "cube.grasp.yaml", "--plant", "--scene", "scene.dmd.yaml"]
     assert main([*command, "-o", "new.yaml"]) == 0
-    assert "in the scene stood wall::wall: part of geometry" in capsys.readouterr().out
+    assert "the scene has wall::wall: regarded in geometry" in capsys.readouterr().out
     block = yaml.safe_load(Path("new.yaml").read_text())["grasps"][0]["plant"]
     assert block["settings"]["surroundings"] == ["wall::wall"]
     # The wall is pushed into the cube, and fingertips with it.

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from drake_polygrasp.cli.exhibit import exhibit_file
 from drake_polygrasp.cli.main import make_parser
+from drake_polygrasp.cli.shown_scene import load_file_scene
 from drake_polygrasp.errors import GraspFileError, UsageError
 from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
 from drake_polygrasp.files.stated_grasp import StatedPlan
@@ -55,7 +55,7 @@ def test_the_file_states_what_patches_were_asked_for_and_verify_makes_them(plann
     report = verify_file(planned)
     assert report.model_checked
     assert report.holds
-    assert len(exhibit_file(planned).object_.polyhedron.faces) == stated.num_faces
+    assert len(load_file_scene(planned).object_.polyhedron.faces) == stated.num_faces
 
 
 def test_with_other_patches_the_faces_are_not_those_of_the_file(planned: Path) -> None:

@@ -22,8 +22,8 @@ from pydrake.math import RigidTransform
 
 from drake_polygrasp import UsageError, load_grasps, load_object, save_grasps
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.cli.exhibit import ShownScene
 from drake_polygrasp.cli.main import main
+from drake_polygrasp.cli.shown_scene import ShownScene
 from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.visualization import draw_grasps, draw_object, look_at, save_html, show_rank
 from drake_polygrasp.visualization.labels import label_F, number_shape
@@ -376,6 +376,6 @@ def test_an_interrupt_that_comes_while_show_still_prints_ends_it_well(
         yield "open http://localhost"
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("drake_polygrasp.cli.exhibit.serve", interrupted)
+    monkeypatch.setattr("drake_polygrasp.cli.shown_scene.serve", interrupted)
     assert main(["show", str(model("cube"))]) == 0
     assert capsys.readouterr().out == "open http://localhost\n"
