@@ -22,7 +22,7 @@
 | collision_mesh.py | the surface that a Mesh or Convex shape stands for |
 | model_in_plant.py | adds a model file to a plant of the user's: `add_model` |
 | parsed_model.py | has Drake read a model file |
-| drake_words.py | what Drake says of a file, in words for people |
+| drake_messages.py | the warnings and errors that Drake logs, shortened for users |
 | model_checks.py | refuses impossible sizes and masses |
 | model_statements.py | tells what files state from what Drake assumes |
 | model_instances.py | where documents state each model instance |

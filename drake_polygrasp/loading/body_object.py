@@ -1,4 +1,7 @@
-"""A body's collision geometry in a SceneGraph as the object to grasp, whoever put it there."""
+"""Makes the object to grasp from a rigid body's collision geometry in a SceneGraph.
+
+Objects from model files and from a user's plant are both made here.
+"""
 
 from __future__ import annotations
 
@@ -22,22 +25,22 @@ from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.model_checks import MAX_FRICTION
 from drake_polygrasp.loading.parsed_model import drake_errors_as_model_errors
 from drake_polygrasp.loading.rigid_group import Collider, RigidGroup
-from drake_polygrasp.loading.scale import doubts_of_units
+from drake_polygrasp.loading.scale import unit_warnings
 from drake_polygrasp.loading.shapes import part_of
 
 DEFAULT_MU = 0.3
-"""The paper's own coefficient, for models that state none."""
-_MOST_NAMES = 8
-"""Ours: in one line."""
-_FRICTION = f"it must be above 0 and at most {MAX_FRICTION:g}"
+"""Friction coefficient of a model that states none: the one in the paper's examples."""
+_MAX_NAMES = 8
+"""How many links a message names. Our choice."""
+_FRICTION_RANGE = f"above 0 and at most {MAX_FRICTION:g}"
 
 
 class MassProperties(NamedTuple):
-    """Of a body.
+    """Mass and centre of mass of a rigid body.
 
     Attributes:
-        mass: [kg]
-        p_BBcm: centre of mass [m], shape (3,).
+        mass: mass [kg], above 0.
+        p_BBcm: centre of mass, measured from Bo and expressed in B [m], shape (3,).
     """
 
     mass: float
@@ -45,7 +48,12 @@ class MassProperties(NamedTuple):
 
 
 def mass_properties(group: RigidGroup, context: Context) -> MassProperties | None:
-    """Of all links together, by the plant's context; None where they have no mass."""
+    """Returns mass and centre of mass of all links together, None if their mass is not positive.
+
+    Args:
+        group: the rigid body.
+        context: the plant's context, whose parameters state the links' masses.
+    """
     M_BBo_B = group.spatial_inertia(context)
     if not 0 < M_BBo_B.get_mass() < np.inf:
         return None
@@ -53,50 +61,71 @@ def mass_properties(group: RigidGroup, context: Context) -> MassProperties | Non
 
 
 def check_friction(mu: float | None, where: str) -> None:
-    """Raises UsageError for a friction that somebody gave and nobody can have."""
+    """Checks the friction coefficient given by the user.
+
+    Args:
+        mu: the coefficient; None if none is given.
+        where: what it is given for, for the message.
+
+    Raises:
+        UsageError: when it is no number above 0 and at most MAX_FRICTION.
+    """
     if mu is not None:
-        demand = _FRICTION.removeprefix("it must be ")
-        check_number(f"the friction mu given for {where}", mu, demand, above=0.0, most=MAX_FRICTION)
+        name = f"the friction mu given for {where}"
+        check_number(name, mu, _FRICTION_RANGE, above=0.0, most=MAX_FRICTION)
 
 
 def describe_group(
     group: RigidGroup, where: str, joints_free: bool, beside: Sequence[str] = ()
 ) -> Iterator[str]:
-    """What there is to say of links that are fixed to one another or to the world, or on joints.
+    """Yields warnings about links that are fixed together, joined to the world or on joints.
 
-    Bodies `beside` it, which the world holds as well, are left out.
+    Args:
+        group: the rigid body.
+        where: what messages call it.
+        joints_free: whether links on its joints are ignored.
+        beside: names of other bodies that the world holds, which are left out of the object.
     """
     if len(group.links) > 1:
         yield (
-            f"{where}: {listed(group.names)} are fixed to one another and make one rigid body, in "
-            f"the frame of '{group.body.name()}'"
+            f"{where}: {quote_names(group.names)} are fixed to one another and make one rigid "
+            f"body, in the frame of '{group.body.name()}'"
         )
     if group.tied_by:
-        joints = listed(group.tied_by)
-        without = f", without what the world holds beside it: {listed(beside)}" if beside else ""
-        yield f"{where}: joined to the world ({joints}), it is planned as if it were free{without}"
+        joints = quote_names(group.tied_by)
+        left_out = f", without the world's other bodies: {quote_names(beside)}" if beside else ""
+        yield f"{where}: joined to the world ({joints}), it is planned as if it were free{left_out}"
     names = group.names_on_joints()
     if names:
-        done = (
+        treatment = (
             "are ignored, as asked for"
             if joints_free
             else "stay where they are: they cover faces and block fingertips, and their mass is "
             "not counted; --joints-free (joints_free=True) ignores them"
         )
-        yield f"{where}: links on its joints, {listed(names)}, {done}"
+        yield f"{where}: links on its joints, {quote_names(names)}, {treatment}"
 
 
-def listed(names: Sequence[str]) -> str:
-    """Some names, quoted, and how many more there are."""
-    quoted = ", ".join(f"'{name}'" for name in names[:_MOST_NAMES])
-    more = len(names) - _MOST_NAMES
+def quote_names(names: Sequence[str]) -> str:
+    """Returns the first names, quoted, and how many more there are.
+
+    Args:
+        names: names of links or joints.
+    """
+    quoted = ", ".join(f"'{name}'" for name in names[:_MAX_NAMES])
+    more = len(names) - _MAX_NAMES
     return f"{quoted} and {more} more" if more > 0 else quoted
 
 
 def stated_friction(
     inspector: SceneGraphInspector, geometry: GeometryId
 ) -> tuple[float, float] | None:
-    """Static and dynamic coefficient of a geometry, None where it has none."""
+    """Returns a geometry's static and dynamic coefficients of friction, None if it has none.
+
+    Args:
+        inspector: the SceneGraph's inspector.
+        geometry: a collision geometry.
+    """
     properties = inspector.GetProximityProperties(geometry)
     if not properties.HasProperty("material", "coulomb_friction"):
         return None
@@ -107,18 +136,30 @@ def stated_friction(
 def lesser_friction(
     static: float, dynamic: float, name: str, where: str
 ) -> tuple[float, tuple[str, ...]]:
-    """The coefficient to plan with, and what there is to say of it.
+    """Returns the friction coefficient to plan with: the lesser of static and dynamic.
 
-    Raises ModelError when it is none that a grasp could hold with.
+    Args:
+        static: static coefficient.
+        dynamic: dynamic coefficient, at which bodies slide in Drake's discrete contact.
+        name: the collision geometry's name.
+        where: what messages call its body.
+
+    Returns:
+        The coefficient, and warnings.
+
+    Raises:
+        ModelError: when it is not above 0 or is above MAX_FRICTION.
     """
     least = min(static, dynamic)
     if not 0 < least <= MAX_FRICTION:
-        raise ModelError(f"{where}: the friction of '{name}' is {least}; {_FRICTION}")
+        raise ModelError(
+            f"{where}: the friction of '{name}' is {least}; it must be {_FRICTION_RANGE}"
+        )
     if static == dynamic:
         return least, ()
     return least, (
         f"{where}: the friction of '{name}' is {static} static, {dynamic} dynamic; "
-        f"{least} is used, for Drake's discrete contact slides at the latter",
+        f"{least} is used, because Drake's discrete contact slides at the dynamic coefficient",
     )
 
 
@@ -128,9 +169,16 @@ def collision_parts(
     friction: Sequence[float],
     where: str,
 ) -> list[Part]:
-    """A rigid body's collision geometries, each with its friction.
+    """Returns a rigid body's collision geometries as parts of its surface.
 
-    Raises ModelError, naming `where`, for one that fingers cannot hold.
+    Args:
+        inspector: the SceneGraph's inspector.
+        colliders: the collision geometries.
+        friction: the friction coefficient of each.
+        where: what messages call the body.
+
+    Raises:
+        ModelError: for a geometry that cannot be grasped, such as a half space.
     """
     return [
         _part(inspector, collider, mu, where, "fingers cannot hold; remove it or replace it")
@@ -141,9 +189,15 @@ def collision_parts(
 def covering_parts(
     inspector: SceneGraphInspector, colliders: Sequence[Collider], where: str
 ) -> list[Part]:
-    """The collision geometries of links on joints.
+    """Returns the collision geometries of links on joints, as parts that cover faces.
 
-    Raises ModelError, naming `where`, for one that cannot be measured.
+    Args:
+        inspector: the SceneGraph's inspector.
+        colliders: the collision geometries.
+        where: what messages call the body that they cover.
+
+    Raises:
+        ModelError: for a geometry without a surface, such as a half space.
     """
     remedy = "has no surface to measure; remove it, or ignore links on joints (joints_free)"
     parts = [_part(inspector, collider, 0.0, where, remedy) for collider in colliders]
@@ -163,13 +217,19 @@ def _part(
 
 
 def identity_of(parts: Iterable[Part], names: tuple[str, ...] = ()) -> BodyIdentity:
-    """What tells a body of such parts from others."""
+    """Returns the identity by which later calls recognise a body.
+
+    Args:
+        parts: its collision geometries.
+        names: the names it is known by.
+    """
     return BodyIdentity(surface_lengths(np.concatenate([p.triangles_B for p in parts])), names)
 
 
 def _surface(
     parts: Sequence[Part], where: str, patch_angle: float | None, patch_depth: float | None
 ) -> Polyhedron:
+    """Builds the exposed surface, and refuses a flat one."""
     try:
         polyhedron = build_polyhedron(parts, patch_angle, patch_depth)
     except ModelError as error:
@@ -196,31 +256,47 @@ def object_of(
     patch_angle: float | None,
     patch_depth: float | None,
 ) -> GraspObject:
-    """The object of a body's parts, covered by those of links on its joints.
+    """Makes the object to grasp from a rigid body's parts.
 
-    Without stated mass, its centre is that of the volume. Raises ModelError, naming `where`, when
-    there is nothing to hold, or the centre of mass is beyond measure.
+    Args:
+        parts: the body's collision geometries.
+        covers: those of links on its joints.
+        stated: its mass and centre of mass; None where the model states none, and then the centre
+            is that of the volume.
+        where: what messages call the body.
+        warnings: what the user should know of how it was loaded.
+        source: the model file it came from, if any.
+        patch_angle: greatest angle between a patch's normal and its facets' [rad]; None for the
+            default.
+        patch_depth: greatest distance of facets from the plane of their patch [m]; None for the
+            default.
+
+    Returns:
+        The object, with these warnings and those of its geometry.
+
+    Raises:
+        ModelError: when the geometry has no surface to grasp, or the centre of mass is not finite.
     """
     polyhedron = _surface([*parts, *covers], where, patch_angle, patch_depth)
-    said = [*warnings, *(warning for part in (*parts, *covers) for warning in part.warnings)]
-    said += doubts_of_units(polyhedron.diameter, where)
+    messages = [*warnings, *(warning for part in (*parts, *covers) for warning in part.warnings)]
+    messages += unit_warnings(polyhedron.diameter, where)
     if not polyhedron.watertight:
-        said.append(f"{where}: its surface is not closed; what lies inside is a guess")
+        messages.append(f"{where}: its surface is not closed; what lies inside is a guess")
     if stated is None:
-        said.append(f"{where} states no mass; its centre is taken to be that of the volume")
+        messages.append(f"{where} states no mass; its centre is taken to be that of the volume")
         whole = _surface(parts, where, patch_angle, patch_depth) if covers else polyhedron
     mass, p_BBcm = stated or (None, volume_centroid(whole))
     p_BBcm = on_grid(p_BBcm, polyhedron.diameter)
     with np.errstate(all="ignore"):
         rho = farthest_distance(polyhedron, p_BBcm)
     if not np.isfinite(rho):
-        raise ModelError(f"{where}: its centre of mass is beyond measure; state it in metres")
+        raise ModelError(f"{where}: its centre of mass is too far away; state it in metres")
     return GraspObject(
         polyhedron=polyhedron,
         mass=mass,
         p_BBcm=frozen(p_BBcm),
         rho=float(significant(np.array(rho))),
         source=source,
-        warnings=tuple(dict.fromkeys(said)),
+        warnings=tuple(dict.fromkeys(messages)),
         body=identity_of(parts),
     )

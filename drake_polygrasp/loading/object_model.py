@@ -24,9 +24,9 @@ from drake_polygrasp.loading.body_object import (
     covering_parts,
     describe_group,
     lesser_friction,
-    listed,
     mass_properties,
     object_of,
+    quote_names,
     stated_friction,
 )
 from drake_polygrasp.loading.model_statements import Statements, read_statements
@@ -125,7 +125,7 @@ def load_object(
     )
     unstated = [link.name for link in links if not link.has_mass]
     if unstated and len(unstated) < len(links):
-        names = listed(unstated)
+        names = quote_names(unstated)
         warnings.append(f"{where}: its mass is unknown, for the model states none of {names}")
     stated = None if unstated else mass_properties(group, parsed.context)
     return object_of(
@@ -269,6 +269,6 @@ def _friction(
                 warnings += said
     for reason, names in assumed.items():
         it = ": link" if len(names) == 1 else ": each of the links"
-        it = "" if len(links) == 1 else f"{it} {listed(list(names))}"
+        it = "" if len(links) == 1 else f"{it} {quote_names(list(names))}"
         warnings.append(f"{where}{it} states no friction; {DEFAULT_MU} is assumed{reason}")
     return friction, warnings

@@ -17,7 +17,7 @@ from pydrake.systems.framework import Context
 
 from drake_polygrasp.errors import ModelError, PolygraspError
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
-from drake_polygrasp.loading.drake_words import hearing, reason_of
+from drake_polygrasp.loading.drake_messages import collect_drake_log, drake_reason
 from drake_polygrasp.loading.mesh_file import check_mesh_file
 from drake_polygrasp.loading.model_source import ModelFiles, read_model_files
 from drake_polygrasp.loading.packages import (
@@ -95,9 +95,9 @@ def parse_files(
     files = read_model_files(locate(model_file, package_map), package_map)
     for mesh in files.meshes:
         check_mesh_file(mesh)
-    with hearing() as heard, drake_errors_as_model_errors(files.model_file, heard.errors):
+    with collect_drake_log() as log, drake_errors_as_model_errors(files.model_file, log.errors):
         plant, scene_graph = _parse(files.model_file, package_map, scale)
-    return ParsedFiles(files, plant, scene_graph, tuple(heard.merged()))
+    return ParsedFiles(files, plant, scene_graph, tuple(log.merged()))
 
 
 def choose_body(parsed: ParsedFiles, body_name: str | None = None) -> ParsedModel:
@@ -132,7 +132,7 @@ def drake_errors_as_model_errors(where: Path | str, logged: Sequence[str] = ()) 
     except (PolygraspError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
-        reason = missing_package(str(error)) or reason_of(str(error), where, logged)
+        reason = missing_package(str(error)) or drake_reason(str(error), where, logged)
         raise ModelError(f"{where}: Drake cannot load it: {reason}") from error
 
 
@@ -206,7 +206,7 @@ def _choose_body(
         raise ModelError(
             f"{model_file}: no collision geometry on {_names(bodies) or 'any body'}; "
             "a grasp needs what fingers can touch"
-            + (f"; Drake says: {reason_of(ignored[0], model_file)}" if ignored else "")
+            + (f"; Drake says: {drake_reason(ignored[0], model_file)}" if ignored else "")
         )
     chosen = [body for group in solid for body in group if body in bodies]
     if name is None:

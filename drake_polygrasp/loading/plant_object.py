@@ -35,9 +35,9 @@ from drake_polygrasp.loading.body_object import (
     describe_group,
     identity_of,
     lesser_friction,
-    listed,
     mass_properties,
     object_of,
+    quote_names,
     stated_friction,
 )
 from drake_polygrasp.loading.live_plant import describe, find_body, query_of
@@ -141,7 +141,7 @@ def object_from_plant(
         scale=scale,
     )
     for difference in _differences(live, filed):
-        fixed = f"; in the plant it is {listed(group.names)}" if len(group.links) > 1 else ""
+        fixed = f"; in the plant it is {quote_names(group.names)}" if len(group.links) > 1 else ""
         raise ModelError(f"{where} is not what {model_file} has: {difference}{fixed}")
     return replace(filed, body=identity)
 

@@ -1,6 +1,6 @@
-"""The scale of an OBJ model, which has no place to state one, and lengths that look like no metres.
+"""Checks the scale given for an OBJ model, and warns of lengths that are unlikely in metres.
 
-Other models state the scale of each of their meshes.
+An OBJ file cannot state its unit; models of other formats state the scale of each mesh.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from drake_polygrasp.arguments import check_number
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.loading.model_checks import MAX_SCALE
 
-_LEAST, _MOST = 1e-3, 5.0
-"""[m], ours: what three fingertips hold is hardly smaller or larger."""
+_MIN_DIAMETER, _MAX_DIAMETER = 1e-3, 5.0
+"""Diameters of objects that three fingertips may hold [m]. Our choice."""
 _OWN_SCALE = {
     ".urdf": "in the scale attribute of its <mesh>",
     ".sdf": "in the <scale> of its <mesh>",
@@ -22,10 +22,14 @@ _OWN_SCALE = {
 
 
 def check_scale(scale: float | None, model_file: str | Path) -> float | None:
-    """Returns a scale to load a model with.
+    """Returns the scale to load a model with.
+
+    Args:
+        scale: the factor given by the user; None if none is given.
+        model_file: the model, for which it is given.
 
     Raises:
-        UsageError: when it is no scale, or the model states its own.
+        UsageError: when it is no number from 1 / MAX_SCALE to MAX_SCALE, or the model is not .obj.
     """
     if scale is None:
         return None
@@ -39,16 +43,21 @@ def check_scale(scale: float | None, model_file: str | Path) -> float | None:
     return check_number("scale", scale, demand, least=1 / MAX_SCALE, most=MAX_SCALE)
 
 
-def doubts_of_units(diameter: float, where: str) -> list[str]:
-    """Returns what to say of a body of that diameter [m]; nothing of one that fingers may hold."""
-    if _LEAST <= diameter <= _MOST:
+def unit_warnings(diameter: float, where: str) -> list[str]:
+    """Returns a warning if a body's size suggests that its lengths are not in metres.
+
+    Args:
+        diameter: the body's diameter as Drake reads it [m].
+        where: what messages call the body.
+    """
+    if _MIN_DIAMETER <= diameter <= _MAX_DIAMETER:
         return []
     where_it_is_stated = "state the scale of its meshes, or for an .obj model give --scale"
     return [
-        f"{where} is {diameter:.3g} m across, for Drake reads lengths as metres; if the file means "
+        f"{where} is {diameter:.3g} m across, as Drake reads lengths in metres; if the file means "
         + (
             f"another unit or is scaled twice, {where_it_is_stated}"
-            if diameter < _LEAST
+            if diameter < _MIN_DIAMETER
             else f"millimetres, {where_it_is_stated} 0.001"
         )
     ]

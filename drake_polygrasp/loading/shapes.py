@@ -1,4 +1,4 @@
-"""Drake's collision shapes as triangles and curved solids in the body frame B."""
+"""Converts Drake's collision shapes to triangles and curved solids in the body frame B."""
 
 from __future__ import annotations
 
@@ -22,12 +22,18 @@ from drake_polygrasp.geometry.tolerances import FLATNESS
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 
-_AT_ONCE = 1 << 22
-"""Pairs of vertex and triangle, ours: temporaries of some ten megabytes."""
+_MAX_PAIRS = 1 << 22
+"""Pairs of vertex and triangle compared at once: arrays of some ten megabytes. Our choice."""
 
 
 def part_of(shape: Shape, X_BG: RigidTransform, mu: float) -> Part | None:
-    """The shape as a part of a body; None for one that fingers cannot hold."""
+    """Returns a shape as a part of a body's surface, None for one without a bounded surface.
+
+    Args:
+        shape: a collision shape of Drake.
+        X_BG: pose of its geometry frame G in the body frame B.
+        mu: its friction coefficient.
+    """
     solid = _curved_solid(shape, X_BG)
     if solid is not None:
         return curved_part(solid, mu)
@@ -39,20 +45,28 @@ def part_of(shape: Shape, X_BG: RigidTransform, mu: float) -> Part | None:
 
 
 def mended(shape: Shape) -> Shape:
-    """The shape for plants of our own; a Mesh that Drake would misread, as it is meant."""
+    """Returns a copy of a shape for our own plants, with a Mesh that Drake would misread repaired.
+
+    Args:
+        shape: a collision shape of Drake.
+    """
     return (read_collision_mesh(shape).shape if isinstance(shape, Mesh) else shape).Clone()
 
 
 def is_hull(shape: Shape) -> bool:
-    """Whether a shape is its own convex hull."""
+    """Returns whether a shape is its own convex hull.
+
+    Args:
+        shape: a collision shape of Drake.
+    """
     if not isinstance(shape, Mesh):
         return True
     triangles = read_collision_mesh(shape).triangles_G
     vertices = np.unique(triangles.reshape(-1, 3), axis=0)
-    reach = FLATNESS * np.ptp(vertices, axis=0).max()
+    tolerance = FLATNESS * np.ptp(vertices, axis=0).max()
     nhat, _ = unit_normals(triangles)
-    level = np.einsum("ti,ti->t", triangles[:, 0], nhat) + reach
-    step = max(1, _AT_ONCE // len(vertices))
+    level = np.einsum("ti,ti->t", triangles[:, 0], nhat) + tolerance
+    step = max(1, _MAX_PAIRS // len(vertices))
     return all(
         bool((vertices @ nhat[k : k + step].T <= level[k : k + step]).all())
         for k in range(0, len(nhat), step)
@@ -60,6 +74,7 @@ def is_hull(shape: Shape) -> bool:
 
 
 def _curved_solid(shape: Shape, X_BG: RigidTransform) -> Primitive | None:
+    """Returns a curved shape in closed form, None for a shape of flat faces or without bounds."""
     R_BG, p_BG = frozen(X_BG.rotation().matrix()), frozen(X_BG.translation())
     match shape:
         case Sphere():
