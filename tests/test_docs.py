@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import copy
+import json
 import re
 import subprocess
 import sys
@@ -94,6 +95,27 @@ def rows(page: str) -> list[list[str]]:
     """The cells of all rows of tables whose first cell is code, without its marks."""
     lines = re.findall(r"^\| (`.*) \|$", page, re.MULTILINE)
     return [[cell.strip().strip("`") for cell in line.split(" | ")] for line in lines]
+
+
+@cache
+def words_in_code() -> set[str]:
+    """Every word in the Python files, of ours and of the libraries that they use."""
+    folders = ("benchmarks", "drake_polygrasp", "examples", "tests")
+    files = [file for folder in folders for file in (ROOT / folder).rglob("*.py")]
+    return set(re.findall(r"\w+", "\n".join(file.read_text() for file in files)))
+
+
+@pytest.mark.parametrize("page", [*PAGES, *sorted((ROOT / "notebooks").glob("*.ipynb"))], ids=short)
+def test_names_that_pages_give_are_in_the_code(page: Path) -> None:
+    text = page.read_text()
+    if page.suffix == ".ipynb":
+        cells = [c for c in json.loads(text)["cells"] if c["cell_type"] == "markdown"]
+        text = "\n".join("".join(cell["source"]) for cell in cells)
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    given = " ".join(re.findall(r"`([^`\n]+)`", prose))
+    # Snake and camel case; NAME stands for any name.
+    names = {word for word in re.findall(r"\b\w*[A-Za-z0-9]\b", given) if "NAME" not in word}
+    assert {n for n in names if re.search(r"_|[a-z][A-Z]", n)} <= words_in_code()
 
 
 def test_every_reason_is_explained_once() -> None:
