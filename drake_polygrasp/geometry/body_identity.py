@@ -1,7 +1,8 @@
-"""What tells one body from another, so that what was measured around one is not used for another.
+"""Checks that obstacles taken around one body are not used for another one.
 
-The names of bodies do not suffice, for a model may bear any name in a plant, and shapes do not, for
-a plant may hold many of one shape. Objects of files have no name in a plant.
+Names alone do not identify a body, because a model can have any name in a plant; shapes alone do
+not, because a plant can hold several bodies of one shape. Objects loaded from files have no name
+in a plant.
 """
 
 from __future__ import annotations
@@ -15,39 +16,53 @@ from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.triangles import unit_normals
 
 _SAME = 1e-6
-"""Times the diagonal of the bounding box, ours: what measures of one surface may differ by."""
+"""Times the diagonal of the bounding box, our choice: lengths of one surface that is loaded twice
+differ by less."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodyIdentity:
-    """A body's surface in its frame B, in a few lengths, and its names in plants.
+    """Lengths that characterise a body's surface in its frame B, and the body's names in plants.
 
     Attributes:
-        lengths: as of `surface_lengths` [m], shape (16,).
-        names: of the body in one plant or several; none for an object of a file.
+        lengths: what `surface_lengths` returns [m], shape (16,).
+        names: scoped names of the body in one or several plants; empty for an object from a file.
     """
 
     lengths: Array
     names: tuple[str, ...] = ()
 
     def is_shape_of(self, other: BodyIdentity) -> bool:
-        """Whether both have the same surface in the same frame."""
+        """Returns whether both have the same surface, expressed in the same frame.
+
+        Args:
+            other: the body to compare with.
+        """
         slack = _SAME * np.linalg.norm(self.lengths[3:6] - self.lengths[:3])
         return bool((np.abs(self.lengths - other.lengths) <= slack).all())
 
     def may_be(self, other: BodyIdentity) -> bool:
-        """Whether both may be one body: of one shape, and of one name where both have some."""
+        """Returns whether both can be the same body.
+
+        They can if they have the same surface and, where both have names, a name in common.
+
+        Args:
+            other: the body to compare with.
+        """
         shared = set(self.names) & set(other.names)
         return self.is_shape_of(other) and bool(shared or not self.names or not other.names)
 
 
 def check_same_body(what: str, around: BodyIdentity | None, body: BodyIdentity | None) -> None:
-    """Raises UsageError when what was measured around one body is used for another.
+    """Checks that data taken around one body are used for the same body.
 
     Args:
-        what: what was measured, in the plural.
-        around: the body that it was measured around; unknown if None.
-        body: the body that it is used for; unknown if None.
+        what: name of the data in the plural, for the message, such as "obstacles".
+        around: the body that they were taken around; None if unknown, which passes.
+        body: the body that they are used for; None if unknown, which passes.
+
+    Raises:
+        UsageError: when the two cannot be the same body.
     """
     if around is None or body is None or around.may_be(body):
         return
@@ -61,14 +76,15 @@ def check_same_body(what: str, around: BodyIdentity | None, body: BodyIdentity |
 
 
 def surface_lengths(triangles_B: Array) -> Array:
-    """Returns lengths that tell surfaces apart: least and greatest corner, area and moments.
+    """Returns lengths by which surfaces can be told apart.
 
     Args:
-        triangles_B: the surface in any order, before parts are united [m], shape (T, 3, 3).
+        triangles_B: all triangles of the parts, in any order [m], shape (T, 3, 3).
 
     Returns:
-        The corners of the bounding box, the centroid, the root of the area, and second moments
-        about the centroid by area and the box's diagonal [m], shape (16,).
+        The two corners of the bounding box, the centroid of the surface, the square root of its
+        area, and its six second moments about the centroid divided by its area and the box's
+        diagonal [m], shape (16,).
     """
     points = triangles_B.reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
@@ -77,7 +93,8 @@ def surface_lengths(triangles_B: Array) -> Array:
     share = area / total
     centroid = share @ triangles_B.mean(axis=1)
     about = triangles_B - centroid
-    # The mean of x x' over a triangle, by its corners a, b, c and their sum s: (aa' + .. + ss')/12.
+    # The mean of x x' over a triangle with corners a, b, c and their sum s is
+    # (a a' + b b' + c c' + s s') / 12.
     sums = about.sum(axis=1)
     second = np.einsum("t,tki,tkj->ij", share, about, about)
     second += np.einsum("t,ti,tj->ij", share, sums, sums)
@@ -87,4 +104,5 @@ def surface_lengths(triangles_B: Array) -> Array:
 
 
 def _quoted(names: tuple[str, ...]) -> str:
+    """Returns names of a body as they appear in messages."""
     return ", ".join(f"'{name}'" for name in names) or "a body"

@@ -1,10 +1,10 @@
-"""Cavities that the parts of a body seal, where no finger gets (ours; no section of the paper).
+"""Finds cavities enclosed by the parts of a body, whose walls no finger can reach.
 
-Parts that enclose a room touch, overlap or leave cracks, so that their surfaces alone do not tell
-inside from outside. A grid does: cells that the surface leaves free and that no chain of free
-neighbours joins to the outside are in a solid or in a cavity. A sphere as large as `sealed_at`
-says never leaves free cells, so what it reaches from outside is not sealed; ways narrower than a
-cell lead nowhere.
+The paper does not treat them. Parts around a cavity touch, overlap or leave cracks, so their
+surfaces do not separate inside from outside. A grid does: free cells, which the surface does not
+touch, lie in a solid or in a cavity unless a chain of free neighbours joins them to the outside.
+The centre of a sphere of the radius in `Cavities.sealed_at` moves through free cells only, so
+whatever such a sphere reaches from outside is not sealed. Gaps narrower than a cell are closed.
 """
 
 from __future__ import annotations
@@ -20,25 +20,26 @@ from drake_polygrasp.geometry.shells import connected_components
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 
 _CELLS = 128
-"""Per diameter L, ours: cells of 0.008 L, so that spheres of 0.0135 L, smaller than a fingertip,
-reach whatever is open to them."""
+"""Cells per diameter L, our choice: with cells of 0.008 L, spheres of radius 0.0135 L, smaller than
+a fingertip, reach every open part of the surface."""
 _SAMPLES = 2
-"""Per side of a cell, ours: samples of the surface so near to each other leave no way through it
-from a cell to its neighbour."""
+"""Samples of the surface per side of a cell, our choice: dense enough that no chain of free cells
+passes through the surface."""
 _BEYOND = 0.5
-"""Times L, ours: how far beyond the body rooms that it makes with other bodies are followed."""
+"""Times L, our choice: how far beyond the body the grid reaches, for cavities that other bodies
+help to enclose."""
 _AT_ONCE = 64
-"""Triangles that are sampled together, ours: some 100 MB at most."""
+"""Number of triangles sampled together, our choice: about 100 MB at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cavities:
-    """The cells of a grid that are in sealed cavities.
+    """Cells of a grid, parallel to the axes of B, that lie in sealed cavities.
 
     Attributes:
-        p_BG: the grid's least corner in B, shape (3,) [m].
-        side: of a cell [m].
-        sealed: shape (nx, ny, nz).
+        p_BG: the corner of the grid with the least coordinates [m], shape (3,).
+        side: side of a cell [m].
+        sealed: whether each cell is in a cavity, shape (nx, ny, nz).
     """
 
     p_BG: Array
@@ -46,11 +47,19 @@ class Cavities:
     sealed: Bools
 
     def sealed_at(self, p_BC: Array, nhat_TB_B: Array) -> Bools:
-        """Whether contacts p_BC [m] with inward normals, both (M, 3), face a sealed cell, (M,).
+        """Returns which contacts are on walls of sealed cavities.
 
-        A sphere that touches there from outside, of radius sqrt(3) times a cell's side, holds the
-        whole cell that its centre is in. If it fits, that cell is free, and tells; if it does not,
-        the contact passes.
+        The test asks about the cell that holds the centre of a sphere which touches the contact
+        from outside. Its radius is sqrt(3) times the cell's side, so the sphere contains the whole
+        cell: if the sphere fits, the cell is free and classified. If it does not fit, the contact
+        counts as not sealed.
+
+        Args:
+            p_BC: contact points [m], shape (M, 3).
+            nhat_TB_B: inward unit normals, shape (M, 3).
+
+        Returns:
+            Shape (M,).
         """
         center = p_BC - np.sqrt(3) * self.side * nhat_TB_B
         cell = np.floor((center - self.p_BG) / self.side).astype(np.int64)
@@ -63,16 +72,23 @@ class Cavities:
 def find_cavities(
     triangles: Array, closed: Bools, primitives: Sequence[Primitive], L: float, own: Bools
 ) -> Cavities | None:
-    """The sealed cavities of a body of triangles (T, 3, 3) [m], outward; None when it has none.
+    """Returns the sealed cavities of a body, None when it has none.
 
-    `closed` (T,) are triangles of closed shells, which with the curved solids tell what is solid.
-    Of triangles that are not the body's `own` (T,), those within `_BEYOND` L of it count.
+    Args:
+        triangles: triangles of the body and of bodies around it, counter-clockwise from outside
+            [m], shape (T, 3, 3).
+        closed: whether each triangle is of a closed shell, shape (T,). Closed shells and curved
+            solids tell which free cells are solid.
+        primitives: the curved solids of all these bodies.
+        L: diameter of the body [m].
+        own: whether each triangle is of the body itself, shape (T,). Triangles of other bodies
+            count within `_BEYOND` L of it.
     """
     side = L / _CELLS
     least = triangles[own].min(axis=(0, 1)) - _BEYOND * L
     most = triangles[own].max(axis=(0, 1)) + _BEYOND * L
     walls = np.concatenate([triangles[own], _within(triangles[~own], least, most, L)])
-    # A layer of cells all round is outside, whatever rounding does.
+    # The margin makes the outermost layer of cells outside, in spite of rounding.
     low = np.maximum(walls.min(axis=(0, 1)), least) - 1.5 * side
     high = np.minimum(walls.max(axis=(0, 1)), most)
     shape = np.ceil((high - low) / side).astype(np.int64) + 1
@@ -81,23 +97,31 @@ def find_cavities(
         samples = _samples(some, side / _SAMPLES)
         samples = samples[((samples >= least) & (samples <= most)).all(axis=1)]
         free[tuple(np.floor((samples - low) / side).astype(np.int64).T)] = False
-    run, room = _rooms(free)
-    rooms = np.unique(room[room != room[0]])  # The first cell is outside.
-    first = np.searchsorted(run.ravel(), rooms)
+    run, component = _components(free)
+    inner = np.unique(component[component != component[0]])  # The first cell is outside.
+    first = np.searchsorted(run.ravel(), inner)
     middle = low + side * (np.column_stack(np.unravel_index(first, free.shape)) + 0.5)
     solid = TriangleSoup(triangles[closed]).winding_numbers(middle) > 0
     for primitive in primitives:
         solid |= primitive.distance(middle) < 0
     if solid.all():
         return None
-    sealed = free & np.isin(room, rooms[~solid])[run]
+    sealed = free & np.isin(component, inner[~solid])[run]
     return Cavities(frozen(low), float(side), frozen(sealed, bool))
 
 
 def _within(triangles: Array, low: Array, high: Array, size: float) -> Array:
-    """What of triangles (T, 3, 3) is within a box, in pieces of at most `size`, (N, 3, 3).
+    """Returns pieces of triangles that meet a box.
 
-    Pieces may reach out of it.
+    Args:
+        triangles: shape (T, 3, 3).
+        low: corner of the box with the least coordinates, shape (3,).
+        high: the opposite corner, shape (3,).
+        size: longest side that a piece may have.
+
+    Returns:
+        Triangles that cover all of the given ones inside the box, shape (N, 3, 3); they may reach
+        out of it.
     """
     while True:
         outside = (triangles.min(axis=1) > high) | (triangles.max(axis=1) < low)
@@ -115,7 +139,7 @@ def _within(triangles: Array, low: Array, high: Array, size: float) -> Array:
 
 
 def _samples(triangles: Array, spacing: float) -> Array:
-    """Points of triangles (T, 3, 3), of each in rows along its longest side, shape (N, 3)."""
+    """Returns points of triangles (T, 3, 3) in rows along each one's longest side, shape (N, 3)."""
     length = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
     turn = (np.argmax(length, axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
@@ -132,11 +156,13 @@ def _samples(triangles: Array, spacing: float) -> Array:
     return np.asarray((1 - v) * (a[owner] + u * (b - a)[owner]) + v * c[owner])
 
 
-def _rooms(free: Bools) -> tuple[Ints, Ints]:
-    """The run of free cells along z that each cell is in or behind, and the room of each run.
+def _components(free: Bools) -> tuple[Ints, Ints]:
+    """Returns the connected components of free cells, by runs of free cells along z.
 
-    Shapes (nx, ny, nz) and (R,). Rooms, named by their first run, are what runs that are
-    neighbours join.
+    Returns:
+        For each cell the last run that begins at it or before it in the order of memory, which is
+        the cell's own run if it is free, shape (nx, ny, nz). And for each run the first run of its
+        component, shape (R,).
     """
     starts = free.copy()
     starts[..., 1:] &= ~free[..., :-1]
@@ -144,7 +170,7 @@ def _rooms(free: Bools) -> tuple[Ints, Ints]:
     links: list[tuple[Ints, Ints]] = []
     for near, far in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
         both = free[near] & free[far]
-        both[..., 1:] &= ~both[..., :-1]  # Two runs that are neighbours are so from one cell on.
+        both[..., 1:] &= ~both[..., :-1]  # One link where two runs begin to be neighbours.
         links.append((run[near][both], run[far][both]))
     a, b = (np.concatenate(ends) for ends in zip(*links, strict=True))
     return run, connected_components(int(run.flat[-1]) + 1, a, b)

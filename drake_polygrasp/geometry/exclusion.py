@@ -1,4 +1,4 @@
-"""Where no finger may touch, by the user's word: faces by index, and directions they point in."""
+"""Faces and directions of outward normals that the user excludes from contact."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE
 from drake_polygrasp.vectors import times, unit
 
 AVOID_ANGLE = np.pi / 4
-"""[rad], ours: an outward normal this near a direction to avoid points that way."""
+"""[rad], our choice: contacts whose outward normal is within this of a direction to avoid are
+excluded."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exclusion:
-    """Faces and directions to avoid.
+    """Faces and directions that contacts avoid; it is true if anything is excluded.
 
     Attributes:
-        directions_B: unit vectors, shape (D, 3).
-        faces: indices, ascending, each once.
-        angle: [rad], between an outward normal and a direction.
+        directions_B: unit vectors to avoid, shape (D, 3).
+        faces: indices of excluded faces, ascending, without repetition.
+        angle: outward normals within this angle of a direction are excluded [rad].
     """
 
     directions_B: Array
@@ -36,7 +37,15 @@ class Exclusion:
         return bool(self.faces) or len(self.directions_B) > 0
 
     def avoids(self, nhat_TB_B: Array, face: Ints) -> Bools:
-        """Which contacts are excluded, by inward normals (M, 3) and faces (M,); shape (M,)."""
+        """Returns which contacts are excluded, by their face or their normal.
+
+        Args:
+            nhat_TB_B: inward unit normals, shape (M, 3).
+            face: index of each contact's face, shape (M,).
+
+        Returns:
+            Shape (M,).
+        """
         if not self:
             return np.zeros(len(face), dtype=bool)
         cosine = times(-nhat_TB_B, self.directions_B.T)
@@ -44,7 +53,11 @@ class Exclusion:
         return np.asarray(points_there | np.isin(face, np.array(self.faces, dtype=np.int64)))
 
     def excluded_faces(self, polyhedron: Polyhedron) -> tuple[int, ...]:
-        """The faces that are excluded whole, ascending."""
+        """Returns the faces that are excluded as a whole, ascending.
+
+        Args:
+            polyhedron: the body's surface.
+        """
         nhat_TB_B = -polyhedron.R_BF[:, :, 2]
         excluded = self.avoids(nhat_TB_B, np.arange(len(nhat_TB_B)))
         return tuple(np.flatnonzero(excluded).tolist())
@@ -55,27 +68,28 @@ def exclusion(
     faces: Sequence[int] = (),
     angle: float | None = None,
 ) -> Exclusion:
-    """Returns what to avoid on a body.
+    """Returns the exclusion of directions and faces of a body.
 
     Args:
-        directions_B: unit vectors in B, such as of `unit_direction`, shape (D, 3). A contact whose
-            outward normal is within `angle` of one is excluded.
-        faces: indices of faces, ascending, each once.
-        angle: [rad]; None for `AVOID_ANGLE`.
+        directions_B: unit vectors in B, as `unit_direction` returns them, shape (D, 3). Faces and
+            contacts whose outward normal is within `angle` of one are excluded; (0, 0, -1) excludes
+            the underside of an object that stands with Bz upward.
+        faces: indices of faces, ascending, without repetition.
+        angle: the angle [rad]; None for `AVOID_ANGLE`.
     """
     directions = frozen(np.reshape(directions_B, (-1, 3)))
     return Exclusion(directions, tuple(faces), AVOID_ANGLE if angle is None else angle)
 
 
 def require_faces(polyhedron: Polyhedron, faces: Sequence[int]) -> None:
-    """Refuses faces that a body does not have.
+    """Checks that a body has the faces that are to be excluded.
 
     Args:
         polyhedron: the body's surface.
-        faces: indices.
+        faces: indices of faces.
 
     Raises:
-        UsageError: when there is no face of an index.
+        UsageError: when an index is not that of a face.
     """
     num_faces = len(polyhedron.faces)
     for face in faces:
@@ -92,7 +106,7 @@ def unit_direction(direction: npt.ArrayLike) -> tuple[float, float, float]:
         direction: a vector of any length but 0, shape (3,).
 
     Raises:
-        UsageError: when it is no such vector.
+        UsageError: when it is not three finite numbers, or all are 0.
     """
     try:
         vector = np.array(direction, dtype=float)
@@ -103,7 +117,7 @@ def unit_direction(direction: npt.ArrayLike) -> tuple[float, float, float]:
         raise UsageError(
             f"a direction to avoid is {direction!r}; it must be three finite numbers, not all 0"
         )
-    # Divided twice, so that squares neither vanish nor overflow.
+    # Scaled first, so that squares neither underflow nor overflow.
     vector = vector / largest
     x, y, z = unit(vector).tolist()
     return x, y, z

@@ -1,4 +1,7 @@
-"""Sets of two or three regions as rows of integers: all of them, their keys, and where they are."""
+"""Sets of two or three regions as rows of integers.
+
+A set is a row of three ascending indices of regions, or of two and -1.
+"""
 
 from __future__ import annotations
 
@@ -10,52 +13,91 @@ import numpy as np
 from drake_polygrasp.arrays import Ints
 
 CHUNK = 200_000
-"""Triples evaluated at once, ours: some 100 MB of intermediate arrays."""
+"""Number of triples evaluated at once, our choice: about 100 MB of temporaries."""
 
 
 def triples(num_regions: int) -> Iterator[Ints]:
-    """All i < j < k in lexicographic order, in chunks of about CHUNK rows of shape (M, 3)."""
+    """Yields all triples i < j < k of regions in lexicographic order, in chunks.
+
+    Args:
+        num_regions: number of regions.
+
+    Yields:
+        About `CHUNK` triples, shape (M, 3).
+    """
     couples = pairs(num_regions)
     later = num_regions - 1 - np.arange(num_regions)
     counts = later * (later - 1) // 2
     chunk_of = np.cumsum(counts) // CHUNK
     for first in np.split(np.arange(num_regions), np.flatnonzero(np.diff(chunk_of)) + 1):
         i = np.repeat(first, counts[first])
-        # The pairs of the regions after i are the last of all.
+        # The pairs of the regions after i are the last pairs of all.
         later_couples = [couples[len(couples) - count :] for count in counts[first]]
         yield np.column_stack([i, np.concatenate([couples[:0], *later_couples])])
 
 
 def pairs(num_regions: int) -> Ints:
-    """All i < j, shape (M, 2)."""
+    """Returns all pairs i < j of regions in lexicographic order, shape (M, 2).
+
+    Args:
+        num_regions: number of regions.
+    """
     region = np.arange(num_regions)
     return np.argwhere(region[:, None] < region)
 
 
 def first_of_each_set(region: Ints) -> Ints:
-    """The first row of each set of regions, ascending, (M, 3) to (K,)."""
+    """Returns the first row of each set of regions, in the order of the rows.
+
+    Args:
+        region: the regions of three contacts, in any order, shape (M, 3).
+
+    Returns:
+        Indices of rows, one for each set, ascending, shape (K,).
+    """
     return np.sort(in_order_of_sets(region))
 
 
 def in_order_of_sets(region: Ints) -> Ints:
-    """The first row of each set of regions, in the order of the sets, (M, 3) to (K,)."""
+    """Returns the first row of each set of regions, in the lexicographic order of the sets.
+
+    Args:
+        region: the regions of three contacts, in any order, shape (M, 3).
+
+    Returns:
+        Indices of rows, one for each set, shape (K,).
+    """
     _, first = np.unique(set_numbers(region), return_index=True)
     return first
 
 
 def set_numbers(region: Ints) -> Ints:
-    """A number for each row's set of regions, equal for equal sets, (M, 3) to (M,)."""
-    return set_keys(sets_of(region), int(region.max(initial=0)))
+    """Returns a number for the set of regions of each row, equal for equal sets.
+
+    Args:
+        region: the regions of three contacts, in any order, shape (M, 3).
+
+    Returns:
+        Shape (M,), in the lexicographic order of the sets.
+    """
+    return _set_keys(sets_of(region), int(region.max(initial=0)))
 
 
-def set_keys(sets: Ints, greatest: int) -> Ints:
-    """A number for each set of regions -1 to `greatest`, in the sets' order, (M, 3) to (M,)."""
+def _set_keys(sets: Ints, greatest: int) -> Ints:
+    """Returns a number for each set of regions up to `greatest`, in lexicographic order, (M,)."""
     keys: Ints = ((sets + 1) * (greatest + 2) ** np.arange(3)[::-1]).sum(axis=1)
     return keys
 
 
 def sets_of(region: Ints) -> Ints:
-    """The regions of each row once, ascending; -1 for a pair's third, (M, 3) to (M, 3)."""
+    """Returns the set of regions of each row.
+
+    Args:
+        region: the regions of three contacts, in any order, shape (M, 3).
+
+    Returns:
+        Each region once, ascending, and -1 for a third where there are two, shape (M, 3).
+    """
     sets = np.sort(region, axis=1)
     low, high = sets[:, 0] == sets[:, 1], sets[:, 1] == sets[:, 2]
     sets[low, 1] = sets[low, 2]
@@ -64,7 +106,14 @@ def sets_of(region: Ints) -> Ints:
 
 
 def rank_within_set(number: Ints) -> Ints:
-    """How many rows of the same set come before each, (M,) to (M,)."""
+    """Returns how many earlier rows belong to the same set as each row.
+
+    Args:
+        number: the number of each row's set, shape (M,).
+
+    Returns:
+        Shape (M,).
+    """
     order = np.argsort(number, kind="stable")
     ordered = number[order]
     start = np.searchsorted(ordered, ordered)
@@ -74,27 +123,51 @@ def rank_within_set(number: Ints) -> Ints:
 
 
 def all_sets(num_regions: int) -> Ints:
-    """All triples, then all pairs with a third of -1, shape (M, 3)."""
+    """Returns all sets of regions: the triples, then the pairs with -1 as third, shape (M, 3).
+
+    Args:
+        num_regions: number of regions.
+    """
     couples = np.pad(pairs(num_regions), ((0, 0), (0, 1)), constant_values=-1)
     return np.concatenate([*triples(num_regions), couples])
 
 
 def count_sets(num_regions: int) -> int:
-    """How many triples and pairs there are."""
+    """Returns the number of triples and pairs of regions.
+
+    Args:
+        num_regions: number of regions.
+    """
     return comb(num_regions, 3) + comb(num_regions, 2)
 
 
 def with_sets(sets: Ints, more: Ints) -> Ints:
-    """Sets (M, 3), and those of more (K, 3) that are not among them, both without repetition."""
+    """Returns sets followed by those of others that are not among them.
+
+    Args:
+        sets: sets without repetition, shape (M, 3).
+        more: sets without repetition, shape (K, 3).
+
+    Returns:
+        Shape (N, 3), M <= N <= M + K.
+    """
     greatest = int(max(sets.max(initial=0), more.max(initial=0)))
-    is_new = ~np.isin(set_keys(more, greatest), set_keys(sets, greatest))
+    is_new = ~np.isin(_set_keys(more, greatest), _set_keys(sets, greatest))
     return np.concatenate([sets, more[is_new]])
 
 
 def find_rows(sets: Ints, wanted: Ints) -> Ints:
-    """Where each wanted set is among the sets, which hold it."""
+    """Returns the row of each wanted set.
+
+    Args:
+        sets: sets without repetition, shape (M, 3).
+        wanted: sets that are all among them, shape (K, 3).
+
+    Returns:
+        Indices into `sets`, shape (K,).
+    """
     greatest = int(sets.max(initial=0))
-    keys = set_keys(sets, greatest)
+    keys = _set_keys(sets, greatest)
     order = np.argsort(keys, kind="stable")
-    rows: Ints = order[np.searchsorted(keys[order], set_keys(wanted, greatest))]
+    rows: Ints = order[np.searchsorted(keys[order], _set_keys(wanted, greatest))]
     return rows

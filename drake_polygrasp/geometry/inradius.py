@@ -1,4 +1,4 @@
-"""The radius of the largest disc inside a polygon, exact and the same in every frame."""
+"""The radius of the largest disc in a polygon, exact to rounding and the same in every frame."""
 
 from __future__ import annotations
 
@@ -10,30 +10,37 @@ from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.vectors import circle
 
 _SEARCH = 1e-2
-"""Times area / perimeter, which is less than the inradius, ours: how near a search on a grid comes
-to the greatest of several local maxima."""
+"""Times area / perimeter, which is less than the inradius, our choice: tolerance of the grid search
+that looks for the greatest of several local maxima."""
 _ROUGH = 5e-2
-"""The same, ours, where a rough answer will do."""
+"""Times area / perimeter, our choice: tolerance of `rough_inradius`."""
 _FINEST_SEARCH = 1e-3
-"""Times the polygon's extent, ours: keeps that search short on slivers."""
+"""Times the polygon's extent, our choice: least tolerance of the grid search, which keeps it short
+on slivers."""
 _SIDES_AT_ONCE = 1 << 18
-"""Of polygons' sides, each with a point, ours: temporaries of some 50 MB."""
+"""Number of sides processed together, our choice: about 50 MB of temporaries."""
 _ROUNDS = 100
-"""Ours, several times what is needed: ends loops that rounding errors might keep alive."""
+"""Our choice, several times what is needed: ends loops that rounding errors could keep going."""
 
 
 def inradius(polygons: npt.NDArray[np.object_]) -> Array:
-    """The inradius of each polygon, to a part in 1e12, shape (n,).
+    """Returns the inradius of each polygon, to a relative error of 1e-12.
 
-    Around a point of the polygon, each side has a half-plane that excludes it: through its nearest
-    point, square to the line between the two. Together they bound a convex cell of the polygon
-    with a disc no smaller than that of the point itself, so taking the centre of the cell's
-    largest disc for the next point never loses. Sides met in their interior give their own lines,
-    hence few rounds suffice; those of a convex polygon always do, and it takes one. Others have
-    several local maxima, hence several starts.
+    The method climbs. For a point in the polygon, each side is cut off by the line through its
+    nearest point perpendicular to the connection. These half-planes bound a convex cell inside
+    the polygon, which contains the largest disc about the point, so the centre of the cell's
+    largest disc is no worse and becomes the next point. Where the nearest point is inside a side
+    the line is that of the side, hence few rounds suffice. A convex polygon needs one round and
+    one start; others have several local maxima and get several starts.
+
+    Args:
+        polygons: shapely Polygons, shape (n,).
+
+    Returns:
+        In the unit of the coordinates, shape (n,).
     """
     inradii = np.zeros(len(polygons))
-    # Polygons of about as many sides together, for arrays are as wide as the one of most.
+    # Group polygons by their number of sides, because arrays are padded to the largest number.
     size = np.log2(np.maximum(shapely.get_num_coordinates(polygons), 1)).astype(np.int64)
     for value in np.unique(size):
         rows = np.flatnonzero(size == value)
@@ -43,6 +50,7 @@ def inradius(polygons: npt.NDArray[np.object_]) -> Array:
 
 
 def _inradius(polygons: npt.NDArray[np.object_]) -> Array:
+    """Returns the inradii of polygons with similar numbers of sides, shape (n,)."""
     hull_area, area = shapely.area(shapely.convex_hull(polygons)), shapely.area(polygons)
     convex = hull_area <= area * (1 + 1e-9)
     center, polygon = _starts(polygons, convex)
@@ -58,7 +66,7 @@ def _inradius(polygons: npt.NDArray[np.object_]) -> Array:
 def _climb(
     center: Array, start: Array, end: Array, real: Bools, convex: Bools, polygon: Ints
 ) -> Array:
-    """The radii to which discs around starting points (s, 2) of polygons (s,) grow, shape (s,)."""
+    """Returns the radii that climbs from points (s, 2) in polygons (s,) reach, shape (s,)."""
     radius = np.zeros(len(center))
     rows = np.arange(len(center))
     for _ in range(_ROUNDS):
@@ -82,9 +90,17 @@ def _climb(
 def rough_inradius(
     polygons: npt.NDArray[np.object_], tolerance: float | Array | None = None
 ) -> Array:
-    """The inradius of each polygon to `tolerance` (default: a few percent), never more, shape (n,).
+    """Returns a lower bound of the inradius of each polygon, within a tolerance of it.
 
-    Enough for outlines that are themselves approximate, and quick when they have many corners.
+    It suits outlines that are approximate themselves, and is fast on many corners.
+
+    Args:
+        polygons: shapely Polygons, shape (n,).
+        tolerance: greatest error, in the unit of the coordinates; by default `_ROUGH` times area /
+            perimeter, at most a few percent of the inradius.
+
+    Returns:
+        In the unit of the coordinates, shape (n,).
     """
     if tolerance is None:
         tolerance = _ROUGH * shapely.area(polygons) / np.maximum(shapely.length(polygons), 1e-300)
@@ -93,10 +109,10 @@ def rough_inradius(
 
 
 def _starts(polygons: npt.NDArray[np.object_], convex: Bools) -> tuple[Array, Ints]:
-    """Points (s, 2), and the polygon of each, shape (s,): of convex ones, the centroid.
+    """Returns starting points (s, 2) for the climb and the polygon of each, shape (s,).
 
-    Of others, the best point of a grid and the middles of a triangulation; the first misses no
-    much greater disc, the latter do not depend on the frame.
+    A convex polygon has its centroid. Others have the best point of a grid, near to the greatest
+    maximum, and the centroids of a triangulation, which do not depend on the frame.
     """
     others = polygons[~convex]
     low, high = np.split(shapely.bounds(others), 2, axis=1)
@@ -114,7 +130,7 @@ def _starts(polygons: npt.NDArray[np.object_], convex: Bools) -> tuple[Array, In
 
 
 def _sides(polygons: npt.NDArray[np.object_]) -> tuple[Array, Array, Bools]:
-    """Start and end of the sides of each polygon, shape (n, m, 2), and which rows are real."""
+    """Returns start and end of each polygon's sides, shape (n, m, 2), and which are not padding."""
     _, xy, (ring_offsets, polygon_offsets) = shapely.to_ragged_array(polygons)
     last = np.zeros(len(xy), dtype=bool)
     last[ring_offsets[1:] - 1] = True
@@ -131,7 +147,10 @@ def _sides(polygons: npt.NDArray[np.object_]) -> tuple[Array, Array, Bools]:
 
 
 def _nearest(center: Array, start: Array, end: Array, convex: Bools) -> tuple[Array, Array]:
-    """The points of the sides, or of the lines of a convex polygon, nearest to the centre."""
+    """Returns the points of sides nearest to the centre, and their distances.
+
+    The sides of convex polygons are extended to lines.
+    """
     side = end - start
     along = np.einsum("nmi,nmi->nm", center[:, None] - start, side)
     along /= np.einsum("nmi,nmi->nm", side, side)
@@ -141,10 +160,11 @@ def _nearest(center: Array, start: Array, end: Array, convex: Bools) -> tuple[Ar
 
 
 def _largest_disc(inward: Array, level: Array, radius: Array) -> Array:
-    """Centres of the largest discs within half-planes inward @ x >= level, shape (n, 2).
+    """Returns the centres of the largest discs within half-planes inward @ x >= level, (n, 2).
 
-    The linear program max t, inward @ x - t >= level, by the dual simplex method for all at once:
-    from three half-planes far around the origin on, the most violated constraint enters.
+    Solves the linear programs max t, inward @ x - t >= level, all at once by the dual simplex
+    method: it starts from three half-planes far around the origin, and the most violated
+    constraint enters.
     """
     n = len(level)
     farthest = np.where(np.isfinite(level), -level, 0).max(axis=1, keepdims=True)
@@ -175,7 +195,7 @@ def _largest_disc(inward: Array, level: Array, radius: Array) -> Array:
 
 
 def _where_equal(u: Array, level: Array) -> Array:
-    """The (x, y, t) at which u @ (x, y) - t = level, for three vectors each: (n, 3, 2), (n, 3)."""
+    """Returns (x, y, t) with u @ (x, y) - t = level for u (n, 3, 2) and level (n, 3), (n, 3)."""
     (ax, ay), (bx, by) = u[:, 1].T - u[:, 0].T, u[:, 2].T - u[:, 0].T
     a, b = level[:, 1] - level[:, 0], level[:, 2] - level[:, 0]
     twice = ax * by - ay * bx
@@ -184,7 +204,7 @@ def _where_equal(u: Array, level: Array) -> Array:
 
 
 def _shares(u: Array, point: Array) -> Array:
-    """Barycentric coordinates of points (n, 2) in triangles (n, 3, 2), shape (n, 3)."""
+    """Returns barycentric coordinates of points (n, 2) in triangles (n, 3, 2), shape (n, 3)."""
     to_corner = u - point[:, None]
     x, y = to_corner[..., 0], to_corner[..., 1]
     area = x[:, [1, 2, 0]] * y[:, [2, 0, 1]] - x[:, [2, 0, 1]] * y[:, [1, 2, 0]]

@@ -1,7 +1,8 @@
-"""Bounding boxes that keep close to triangles, also to needles that lie across the axes.
+"""Tight bounding boxes of triangles, also of long and narrow ones (needles) oblique to the axes.
 
-The box around such a needle holds thousands of times its area, and a mesh of them, as fine
-cylinders have, would be near to every point. Needles are therefore cut into pieces.
+The box of such a needle can have thousands of times its area, and the boxes of a mesh of needles,
+as on finely tessellated cylinders, would be near every point. Needles are therefore cut into
+pieces.
 """
 
 from __future__ import annotations
@@ -12,24 +13,28 @@ from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.vectors import circle, times
 
 _MAX_PIECES = 32
-"""Ours: a tree takes some 500 bytes for each."""
+"""Our choice: each piece takes about 500 bytes in a tree."""
 _FAT = 4.0
-"""Area of box over triangle, ours: no more but of needles."""
+"""Our choice: a triangle whose box has more than this times its area, seen along z, is a needle."""
 _SLIM = 2.0
-"""Area of box over that of any triangle that is no needle, ours."""
+"""Our choice: slimness, in the sense of `_slimness`, of the needles that decide the rotation."""
 _TINY = np.finfo(float).tiny
 _ROUNDING = 1e-12
-"""Of a box's diagonal, ours: so much wider it holds its piece for certain."""
+"""Times a box's diagonal, our choice: added to boxes of pieces against rounding errors."""
 
 
 def bounding_boxes(triangles: Array) -> tuple[Array, Array, Ints]:
-    """Returns least and greatest corners of boxes, shape (N, 3) each, and the triangle of each.
+    """Returns bounding boxes whose union contains the triangles: several for each needle.
 
-    A triangle is inside the union of its boxes. Cutting a needle gains as much as its box is large
-    across z, compared with the room that all triangles have. N is T where there are no needles.
+    The number of pieces of a needle grows with the area of its box, seen along z, relative to the
+    area that the whole mesh has for each triangle.
 
     Args:
         triangles: shape (T, 3, 3).
+
+    Returns:
+        The boxes' corners of least and of greatest coordinates, shape (N, 3) each, and the triangle
+        of each box, shape (N,). Without needles N is T, in the order of the triangles.
     """
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     if not len(triangles):
@@ -51,13 +56,14 @@ def bounding_boxes(triangles: Array) -> tuple[Array, Array, Ints]:
 
 
 def along_needles(triangles: Array) -> Array:
-    """Returns a rotation about z, shape (3, 3), that lays most needles along x.
-
-    Rows times it are in the frame for boxes. It is the identity where it would not halve the area
-    of all boxes, seen along z.
+    """Returns a rotation about z that aligns most needles with x.
 
     Args:
         triangles: shape (T, 3, 3).
+
+    Returns:
+        R, shape (3, 3); row vectors times R are in the frame for boxes. It is the identity unless
+        it at least halves the total area of the boxes, seen along z.
     """
     low, high = triangles.min(axis=1, initial=np.inf), triangles.max(axis=1, initial=-np.inf)
     needles = triangles[_slimness(triangles, low, high) >= _SLIM]
@@ -66,7 +72,7 @@ def along_needles(triangles: Array) -> Array:
     sides = (np.roll(needles, -1, axis=1) - needles)[..., :2]
     length = np.linalg.norm(sides, axis=2)
     x, y = sides[np.arange(len(sides)), np.argmax(length, axis=1)].T
-    # Of lines, not of arrows: twice the angle is what can be averaged.
+    # Sides have no sense, so the doubled angle is averaged.
     angle = np.arctan2((2 * x * y).sum(), (x**2 - y**2).sum()) / 2
     c, s = circle(angle)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
@@ -75,15 +81,16 @@ def along_needles(triangles: Array) -> Array:
 
 
 def _num_pieces(triangles: Array, low: Array, high: Array) -> Ints:
+    """Returns into how many pieces to cut each triangle, shape (T,)."""
     box = (high - low)[:, :2].prod(axis=1)
-    room = np.ptp(triangles[..., :2].reshape(-1, 2), axis=0).prod() / len(triangles)
-    share = np.sqrt(box / max(room, _TINY))
+    area_for_each = np.ptp(triangles[..., :2].reshape(-1, 2), axis=0).prod() / len(triangles)
+    share = np.sqrt(box / max(area_for_each, _TINY))
     pieces = np.minimum(_slimness(triangles, low, high), share)
     return np.asarray(np.clip(pieces, 1, _MAX_PIECES), dtype=np.int64)
 
 
 def _slimness(triangles: Array, low: Array, high: Array) -> Array:
-    """How much larger a box is, seen along z, than that of any triangle that is no needle, (T,)."""
+    """Returns the area of each box, seen along z, over `_FAT` times that of its triangle, (T,)."""
     box = (high - low)[:, :2].prod(axis=1)
     (ax, ay), (bx, by) = np.moveaxis(triangles[:, 1:, :2] - triangles[:, :1, :2], 0, 2)
     area = np.abs(ax * by - bx * ay) / 2
@@ -91,9 +98,15 @@ def _slimness(triangles: Array, low: Array, high: Array) -> Array:
 
 
 def _slab_corners(triangles: Array, ends: Array) -> Array:
-    """Points, shape (N, 5, 3), whose hull holds the slab of each triangle between two cuts.
+    """Returns points whose convex hull contains the slice of each triangle between two cuts.
 
-    Cuts are square to the longest side, at two shares of its length, `ends` (N, 2).
+    Args:
+        triangles: shape (N, 3, 3).
+        ends: where the cuts, perpendicular to the longest side, meet it, as fractions of its
+            length, shape (N, 2).
+
+    Returns:
+        Shape (N, 5, 3).
     """
     length = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
     turn = (np.argmax(length, axis=1)[:, None] + np.arange(3)) % 3

@@ -1,4 +1,4 @@
-"""What stands around a body, seen from it: where fingertips have no room though its surface has."""
+"""Solids around a body that fingertips must not touch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 _SAME_POSE = 1e-9
-"""Ours: what entries of rotations, and positions in metres, may differ by in one pose."""
+"""Our choice: rotation entries, and positions in metres, of equal poses differ by less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +28,14 @@ class Obstacles:
     """Solids near a body, in its frame B, as they stood at one moment.
 
     Attributes:
-        X_WB: the body's pose at that moment: what is planned in B is in the world by `p_WC = (X_WB
-            @ p_BC.T).T`.
-        names: of those of which something is within `reach`.
-        triangles_B: surfaces [m], shape (T, 3, 3), counter-clockwise from outside.
+        X_WB: pose of the body in the world at that moment; points of B are in the world at
+            `p_WC = (X_WB @ p_BC.T).T`.
+        names: scoped names of the bodies with geometry within `reach`.
+        triangles_B: surfaces, counter-clockwise from outside [m], shape (T, 3, 3).
         closed: whether each triangle's shell is closed and so has an inside, shape (T,).
-        primitives: curved solids, which have no triangles here.
-        reach: what is farther than this from the body's bounding box has been left out [m].
-        body: whose obstacles these are; None where that is not known.
+        primitives: curved solids, which are not among the triangles.
+        reach: distance from the body's bounding box beyond which geometry is left out [m].
+        body: identity of the body that the obstacles surround; None where it is not known.
     """
 
     X_WB: RigidTransform
@@ -47,13 +47,15 @@ class Obstacles:
     body: BodyIdentity | None = None
 
     def joined(self, *others: Obstacles) -> Obstacles:
-        """Returns these obstacles with those of other plants or moments around the same body.
+        """Returns these obstacles together with others around the same body.
+
+        `a | b` joins two.
 
         Args:
-            others: obstacles around the same body in the same pose. `a | b` joins two.
+            others: obstacles of other plants or moments, around the same body in the same pose.
 
         Raises:
-            UsageError: when they are of another body, or of one in another pose.
+            UsageError: when they are around another body, or the body is in another pose.
         """
         every = (self, *others)
         for some in others:
@@ -84,12 +86,12 @@ class Obstacles:
         )
 
     def __or__(self, other: Obstacles) -> Obstacles:
-        """Returns both together, as `joined` does."""
+        """Returns the obstacles of both, as `joined` does."""
         return self.joined(other)
 
     @property
     def surface_B(self) -> Array:
-        """All surfaces as triangles [m], curved ones as inscribed polyhedra, shape (N, 3, 3)."""
+        """All surfaces as triangles, curved ones as inscribed polyhedra [m], shape (N, 3, 3)."""
         return np.concatenate([self.triangles_B, *map(tessellation, self.primitives)])
 
     @cached_property
@@ -101,16 +103,28 @@ class Obstacles:
         return TriangleSoup(self.triangles_B[self.closed])
 
     def contain(self, p_B: Array) -> Bools:
-        """Whether points p_B [m], shape (M, 3), are inside a solid; shape (M,)."""
+        """Returns which points are inside a solid.
+
+        Args:
+            p_B: points [m], shape (M, 3).
+
+        Returns:
+            Shape (M,).
+        """
         inside = self._solids.winding_numbers(p_B) > 0
         for solid in self.primitives:
             inside |= solid.distance(p_B) < 0
         return inside
 
     def block(self, p_BT: Array, reach: float) -> Bools:
-        """Whether points p_BT [m], shape (M, 3), are inside a solid or within `reach` [m] of one.
+        """Returns which points are inside a solid or near one.
 
-        Shape (M,).
+        Args:
+            p_BT: points, such as the centres of fingertips [m], shape (M, 3).
+            reach: least distance of a point that is clear [m].
+
+        Returns:
+            Shape (M,).
         """
         blocked = self.contain(p_BT)
         blocked |= self._surface.within(p_BT, reach)

@@ -1,9 +1,9 @@
-"""What the shells of a body cover of a plane: sections (Section 2 of the paper).
+"""The part of a face's plane that shells cover: sections (for Section 2 of the paper).
 
-A solid covers, on a face's plane, its section by that plane moved outward by an infinitesimal
-amount. The section is exact, for in that limit vertices on the plane are simply below it: a shell
-that stands on the face covers its footprint, one that ends there covers nothing. Where shells
-overlap, they wind more than once around a point; inside is what they wind around at all.
+A solid covers, of a face's plane, its section by that plane moved outward by an infinitesimal
+amount. The section is exact, because in that limit vertices on the plane count as below it: a
+shell that stands on the face covers its footprint, and one that ends at the plane covers nothing.
+Where shells overlap their winding numbers add up; a point is covered where the sum is positive.
 """
 
 from __future__ import annotations
@@ -22,31 +22,30 @@ from drake_polygrasp.vectors import times
 Polygons = npt.NDArray[np.object_]
 
 _CRACK = 1e-4
-"""Times L, ours: the shells that convex decomposition makes of one solid touch but for gaps and
-overlaps of this size."""
+"""Times L, our choice: size of the gaps and overlaps between the convex pieces into which
+decomposition cuts a solid."""
 
 _PAIRS_AT_ONCE = 1 << 20
-"""Of points and segments that are compared at once, ours: temporaries of some 40 MB."""
+"""Number of point-segment pairs compared at once, our choice: about 40 MB of temporaries."""
 _LOST = 1e-9
-"""Share of the area, ours: a union that misses no more has lost none."""
+"""Fraction of the area, our choice: a larger loss shows that a union is wrong."""
 
 
 class Mesh(NamedTuple):
-    """All shells of a body and its covers, outward.
-
-    Rows of `corners`, `shell`, `mu`, `curve` and `own` are triangles.
+    """All shells of a body and of other bodies that cover it, oriented outward.
 
     Attributes:
         vertices: in B [m], shape (V, 3).
-        corners: vertex indices, shape (T, 3).
+        corners: vertex indices of each triangle, shape (T, 3).
         shell: shell of each triangle, shape (T,).
         mu: friction coefficient of each triangle, shape (T,).
-        curve: the curved solid that each triangle is a facet of, -1 for none.
-        own: whether each triangle is of the body, or of another that only covers it, shape (T,).
-        low: least corner of the bounding box of each shell, shape (S, 3).
-        high: greatest corner of that box, shape (S, 3).
+        curve: index of the part that is the curved solid which each triangle is a facet of, -1 for
+            none, shape (T,).
+        own: whether each triangle is of the body, not of another that covers it, shape (T,).
+        low: corner of each shell's bounding box with the least coordinates [m], shape (S, 3).
+        high: the opposite corner [m], shape (S, 3).
         closed: whether each shell is watertight, shape (S,).
-        simple: whether each shell is a manifold, and so does not cover itself, shape (S,).
+        simple: whether each shell is a manifold, so that it does not cover itself, shape (S,).
     """
 
     vertices: Array
@@ -62,12 +61,12 @@ class Mesh(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """A plane of faces, Fz outward.
+    """A plane in which faces lie.
 
     Attributes:
-        R_BF: axes of the plane; the third is its normal, shape (3, 3).
-        offset: of the plane along Fz [m].
-        triangles: those that lie in it.
+        R_BF: columns Fx, Fy in the plane and Fz outward, shape (3, 3).
+        offset: coordinate of the plane along Fz, from Bo [m].
+        triangles: indices of the triangles in the plane, shape (K,).
     """
 
     R_BF: Array
@@ -76,10 +75,19 @@ class Plane(NamedTuple):
 
 
 def covered(mesh: Mesh, plane: Plane, shells: Ints, L: float) -> Polygons:
-    """The areas of the plane that `shells` cover, in the coordinates of Fx and Fy.
+    """Returns the areas of a plane that shells cover.
 
-    A shell with vertices almost on the plane, above or below, may stand on it but for a crack:
-    what it covers at the height of a crack counts too.
+    A shell with vertices near the plane, but not on it, may stand on the plane but for a crack.
+    Then what it covers at the height of a crack counts too.
+
+    Args:
+        mesh: the shells.
+        plane: the plane.
+        shells: indices of the shells that may cover parts of it.
+        L: diameter of the body [m].
+
+    Returns:
+        Polygons in the coordinates of Fx and Fy [m], which may overlap.
     """
     corners = mesh.corners[np.isin(mesh.shell, shells)]
     xy = times(mesh.vertices, plane.R_BF[:, :2])
@@ -93,7 +101,7 @@ def covered(mesh: Mesh, plane: Plane, shells: Ints, L: float) -> Polygons:
 
 
 def _coincident(mesh: Mesh, xy: Array, height: Array, L: float) -> Polygons:
-    """Other bodies' triangles in a plane, at `height` 0, that face as it does."""
+    """Returns the triangles of other bodies in the plane, at `height` 0, that face outward."""
     other = mesh.corners[~mesh.own]
     other = other[(np.abs(height[other]) <= FLATNESS * L).all(axis=1)]
     u, v = xy[other[:, 1]] - xy[other[:, 0]], xy[other[:, 2]] - xy[other[:, 0]]
@@ -101,7 +109,7 @@ def _coincident(mesh: Mesh, xy: Array, height: Array, L: float) -> Polygons:
 
 
 def _section(corners: Ints, height: Array, xy: Array, L: float) -> Polygons:
-    """The section just above height 0."""
+    """Returns the section of closed shells just above height 0."""
     segments = _segments(corners, height, xy)
     lines = shapely.linestrings(segments[(segments[:, 0] != segments[:, 1]).any(axis=1)])
     grid = LENGTH_TOLERANCE * L
@@ -112,27 +120,47 @@ def _section(corners: Ints, height: Array, xy: Array, L: float) -> Polygons:
 
 
 def merged(triangles: Polygons, grid: float) -> shapely.Geometry:
-    """Their union: exact where they share whole sides and nothing else, else rounded to a grid."""
+    """Returns the union of triangles.
+
+    It is exact where they share whole sides and nothing else; otherwise coordinates are rounded to
+    a grid.
+
+    Args:
+        triangles: shapely Polygons [m], shape (K,).
+        grid: spacing of the grid [m].
+    """
     try:
         union = shapely.coverage_union_all(triangles)
         total = shapely.area(triangles).sum()
         if shapely.is_valid(union) and abs(union.area - total) <= _LOST * total:
             return union
     except shapely.GEOSException:
-        pass  # They are no coverage: some overlap.
+        pass  # Some triangles overlap.
     return shapely.union_all(triangles, grid_size=grid)
 
 
 def restore(geometries: Polygons, vertices: Array, grid: float) -> Polygons:
-    """Undo what rounding to the grid, which makes overlays robust, did to given vertices (k, 2).
+    """Returns polygons whose vertices are snapped back to where they were before rounding.
 
-    Of polygons, and into polygons: where snapping closes a gap, one may become several.
+    Rounding to a grid makes overlays robust.
+
+    Args:
+        geometries: polygons with rounded vertices, shape (n,).
+        vertices: the exact vertices [m], shape (k, 2).
+        grid: spacing of the grid [m].
+
+    Returns:
+        Polygons; one becomes several where snapping closes a gap.
     """
     return valid(shapely.snap(geometries, shapely.multipoints(vertices), 2 * grid))
 
 
 def valid(polygons: Sequence[shapely.Polygon] | Polygons) -> Polygons:
-    """The polygons, in place of those whose rings cross the nearest that do not."""
+    """Returns polygons, with those whose rings cross replaced by valid ones of the same structure.
+
+    Args:
+        polygons: polygons of any validity, shape (n,).
+    """
     polygons = np.array(polygons, dtype=object)
     broken = ~shapely.is_valid(polygons)
     polygons[broken] = shapely.make_valid(
@@ -142,20 +170,24 @@ def valid(polygons: Sequence[shapely.Polygon] | Polygons) -> Polygons:
 
 
 def areas_of(geometries: Sequence[shapely.Geometry] | Polygons) -> Polygons:
-    """Their polygons, without the points and lines that overlays leave where areas touch."""
+    """Returns the polygons of geometries, without the points and lines that overlays leave.
+
+    Args:
+        geometries: polygons, collections or multipart geometries, shape (n,).
+    """
     parts = shapely.get_parts(shapely.get_parts(np.asarray(geometries, dtype=object)))
     return np.asarray(parts[shapely.get_dimensions(parts) == 2])
 
 
 def _segments(corners: Ints, height: Array, xy: Array) -> Array:
-    """Where triangles cross height 0, with the inside on the left, shape (k, 2, 2)."""
+    """Returns segments where triangles cross height 0, with the inside on the left, (k, 2, 2)."""
     above = height[corners] > 0
     crossing = above.any(axis=1) != above.all(axis=1)
     corners, above = corners[crossing], above[crossing]
     lone_above = above.sum(axis=1) == 1
     lone = np.argmax(above == lone_above[:, None], axis=1)[:, None]
     ring = np.take_along_axis(corners, (lone + np.arange(3)) % 3, axis=1)
-    # From the lower vertex index to the higher, so that neighbours agree to the last bit.
+    # Interpolate from the lower vertex index to the higher: neighbours agree to the last bit.
     start = np.minimum(ring[:, :1], ring[:, 1:])
     end = np.maximum(ring[:, :1], ring[:, 1:])
     along = (height[start] / (height[start] - height[end]))[..., None]
@@ -164,7 +196,7 @@ def _segments(corners: Ints, height: Array, xy: Array) -> Array:
 
 
 def _winding_number(points: Array, segments: Array) -> Ints:
-    """How often closed chains of segments (k, 2, 2) wind around the points (n, 2), shape (n,)."""
+    """Returns the winding numbers of closed chains of segments (k, 2, 2) around points, (n,)."""
     (ax, ay), (bx, by) = np.moveaxis(segments, 0, 2)
     turns = np.zeros(len(points), dtype=np.int64)
     for rows in batches(len(points), _PAIRS_AT_ONCE // max(1, len(segments))):

@@ -1,7 +1,7 @@
-"""Shells: soups of triangles welded, freed of copies and oriented outward.
+"""Welds triangles into shells, removes duplicates and orients the shells outward.
 
-The section of a polyhedron that the paper takes for granted: a model's collision geometry is a
-soup of triangles, and only closed, outward-oriented shells have an inside.
+The paper starts from a polyhedron. A model's collision geometry is an unordered list of triangles,
+of which only closed, outward-oriented shells have an inside.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import distinct, unit_normals
 
 _JUST_OUTSIDE = 1e-4
-"""Times the size of a triangle, ours: where to look whether another shell is around it."""
+"""Times the square root of a triangle's area, our choice: height over the triangle of the point
+that is tested for being inside another shell."""
 
 
 class Shells(NamedTuple):
-    """Triangles by vertex index, each shell oriented outward.
+    """Triangles by vertex index, in shells that are oriented outward.
 
     Attributes:
         corners: vertex indices, shape (T, 3), counter-clockwise from outside.
-        shell: the shell of each triangle, numbered from 0 in the order of first triangles, shape
-            (T,).
+        shell: the shell of each triangle, numbered from 0 by first triangles, shape (T,).
         closed: whether each shell is watertight, shape (S,).
-        simple: whether no edge of each shell has more than two of its triangles, shape (S,).
-        turned: whether each triangle ran the other way as it was given, shape (T,).
+        simple: whether each shell has at most two triangles at every edge, shape (S,).
+        turned: whether each triangle was given with the opposite orientation, shape (T,).
     """
 
     corners: Ints
@@ -38,10 +38,17 @@ class Shells(NamedTuple):
 
 
 def weld(triangles: Array, tolerance: float) -> tuple[Array, Ints]:
-    """Vertices (V, 3) and vertex indices (T, 3) of triangles (T, 3, 3).
+    """Returns the vertices of triangles, where nearly equal ones are one, and vertex indices.
 
-    Coordinates that differ by less than `tolerance` are one, also across a chain of such, so that
-    no grid line can part two equal vertices.
+    Along each axis, neighbours among the sorted coordinates are equal if their gap is at most the
+    tolerance. Unlike rounding to a grid, this never separates coordinates that differ by less.
+
+    Args:
+        triangles: [m], shape (T, 3, 3).
+        tolerance: the greatest gap between equal coordinates [m].
+
+    Returns:
+        Vertices [m], shape (V, 3), and the indices of each triangle's corners, shape (T, 3).
     """
     points = triangles.reshape(-1, 3)
     bins = np.empty(points.shape, dtype=np.int64)
@@ -53,10 +60,17 @@ def weld(triangles: Array, tolerance: float) -> tuple[Array, Ints]:
 
 
 def without_doubles(corners: Ints) -> Ints:
-    """Triangles (T, 3) by vertex index, without collapsed ones and copies by mistake.
+    """Returns the triangles without degenerate ones and without spurious copies.
 
-    Solids may share a triangle, but each has another one on each of its sides. Copies that too few
-    others go with on two sides are therefore left out.
+    Two solids can share a triangle, but then each of them has another triangle at each of its
+    sides. A copy is spurious if, on two or more of its sides, there are other triangles but fewer
+    than there are copies.
+
+    Args:
+        corners: vertex indices, shape (T, 3).
+
+    Returns:
+        Rows of `corners`, shape (N, 3); all of them if all are degenerate.
     """
     collapsed = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
     corners = corners[~collapsed | collapsed.all()]
@@ -75,7 +89,16 @@ def without_doubles(corners: Ints) -> Ints:
 
 
 def connected_components(num_nodes: int, a: Ints, b: Ints) -> Ints:
-    """The least node of each node's component in the graph of links a[k] - b[k]."""
+    """Returns the least node of each node's connected component in a graph.
+
+    Args:
+        num_nodes: number of nodes.
+        a: one end of each link, shape (K,).
+        b: its other end, shape (K,).
+
+    Returns:
+        Shape (num_nodes,).
+    """
     label = np.arange(num_nodes)
     while True:
         least = np.minimum(label[a], label[b])
@@ -89,11 +112,16 @@ def connected_components(num_nodes: int, a: Ints, b: Ints) -> Ints:
 
 
 def oriented_shells(vertices: Array, corners: Ints) -> Shells:
-    """The shells of a mesh, each oriented so that its volume is positive.
+    """Returns the shells of a mesh, each oriented so that its volume is positive.
 
-    Triangles that share an edge with no third are of one shell, and must run along it in opposite
-    senses; shells that contradict this are mended. Shells that this leaves open may be closed by
-    edges of more triangles, where solids touch or overlap; across those the file's sense counts.
+    Two triangles that share an edge with no third belong to one shell and are oriented
+    consistently: they run along the edge in opposite senses. Shells that this leaves open may be
+    joined at edges of more than two triangles, where solids touch or overlap; there triangles keep
+    the orientation that the file gives them.
+
+    Args:
+        vertices: [m], shape (V, 3).
+        corners: vertex indices, shape (T, 3); triangles with a repeated vertex are left out.
     """
     a, b, c = corners.T
     corners = corners[(a != b) & (b != c) & (c != a)]
@@ -119,14 +147,17 @@ def oriented_shells(vertices: Array, corners: Ints) -> Shells:
 
 
 def faces_inward(triangles: Array, tolerance: float) -> Bools:
-    """Returns which triangles of a mesh face into the solid that they bound, shape (T,).
+    """Returns which triangles of a mesh face into the solid that they bound.
 
-    The walls of a cavity, a shell within another one, face inward by right. Sheets that enclose
-    nothing have no inside.
+    A shell inside another one is the wall of a cavity and rightly faces inward. Sheets that
+    enclose no volume have no inside.
 
     Args:
-        triangles: shape (T, 3, 3) [m].
-        tolerance: coordinates that differ by less are one [m].
+        triangles: [m], shape (T, 3, 3).
+        tolerance: coordinates that differ by less are equal [m].
+
+    Returns:
+        Shape (T,).
     """
     vertices, corners = weld(triangles, tolerance)
     rows = np.flatnonzero((corners != np.roll(corners, 1, axis=1)).all(axis=1))
@@ -143,7 +174,7 @@ def faces_inward(triangles: Array, tolerance: float) -> Bools:
 
 
 def _within_another(triangles: Array, shells: Shells) -> Bools:
-    """Which shells are within another one: just outside them is inside, shape (S,)."""
+    """Returns which shells are inside another one, by a point just outside of each, shape (S,)."""
     nhat, area = unit_normals(triangles)
     order = np.lexsort((-area, shells.shell))
     largest = order[np.flatnonzero(np.diff(shells.shell[order], prepend=-1))]
@@ -153,7 +184,12 @@ def _within_another(triangles: Array, shells: Shells) -> Bools:
 
 
 def _half_edges(corners: Ints) -> tuple[Ints, Bools]:
-    """Of the three sides of each triangle: undirected edge (3T,) and whether it runs upward."""
+    """Returns the undirected edge of each triangle's three sides, and their sense.
+
+    Returns:
+        The number of the edge, shape (3 T,), and whether the side runs from the lower to the
+        higher vertex index, shape (3 T,).
+    """
     tail, head = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
     low, high = np.minimum(tail, head), np.maximum(tail, head)
     _, edge = np.unique(low * (high.max(initial=0) + 1) + high, return_inverse=True)
@@ -161,7 +197,16 @@ def _half_edges(corners: Ints) -> tuple[Ints, Bools]:
 
 
 def edge_neighbors(corners: Ints) -> tuple[Ints, Ints]:
-    """Pairs (t, u) of triangles that share an edge, each in both orders, by ascending t."""
+    """Returns pairs of triangles that share an edge.
+
+    Where more than two share one, they are paired in a chain.
+
+    Args:
+        corners: vertex indices, shape (T, 3).
+
+    Returns:
+        t and u of the pairs, each pair in both orders, by ascending t, shape (N,) each.
+    """
     edge, _ = _half_edges(corners)
     first, second = _links(edge, np.arange(edge.size))
     t, u = np.append(first, second) // 3, np.append(second, first) // 3
@@ -170,17 +215,18 @@ def edge_neighbors(corners: Ints) -> tuple[Ints, Ints]:
 
 
 def _links(edge: Ints, half_edges: Ints) -> tuple[Ints, Ints]:
-    """Pairs that make a chain of those of the given half-edges that share an edge."""
+    """Returns pairs of half-edges that link those of the same edge in a chain."""
     half_edges = half_edges[np.argsort(edge[half_edges], kind="stable")]
     same = np.diff(edge[half_edges]) == 0
     return half_edges[:-1][same], half_edges[1:][same]
 
 
 def _shells(T: int, t: Ints, u: Ints, flips: Bools) -> tuple[Ints, Bools]:
-    """The shell of each of T triangles, and whether it must be reversed to agree with the first.
+    """Returns the shell of each of T triangles, and whether to reverse it to agree with the first.
 
-    Linked triangles t[k] and u[k] agree, or do when one is reversed. Solved on the double cover,
-    where node t is triangle t as it is and node t + T its reverse.
+    Linked triangles t[k] and u[k] agree as they are, or, where `flips` says so, with one of them
+    reversed. This is solved on the double cover of the graph, where node t is triangle t as it is
+    and node t + T the same triangle reversed.
     """
     turn = np.where(flips, T, 0)
     cover = connected_components(2 * T, np.append(t, t + T), np.append(u + turn, u + T - turn))
@@ -190,11 +236,12 @@ def _shells(T: int, t: Ints, u: Ints, flips: Bools) -> tuple[Ints, Bools]:
 
 
 def _reversed(corners: Ints, which: Bools) -> Ints:
+    """Returns triangles with some of them reversed."""
     return np.where(which[:, None], corners[:, ::-1], corners)
 
 
 def _open_shells(corners: Ints, shell: Ints) -> Bools:
-    """Whether some edge of each shell is not run along equally often in both senses."""
+    """Returns which shells have an edge that is not traversed equally often in both senses."""
     edge, forward = _half_edges(corners)
     num_shells = int(shell.max(initial=-1)) + 1
     _, side = np.unique(edge * num_shells + np.repeat(shell, 3), return_inverse=True)
@@ -203,7 +250,10 @@ def _open_shells(corners: Ints, shell: Ints) -> Bools:
 
 
 def _signed_volumes(vertices: Array, corners: Ints, shell: Ints) -> Array:
-    """Of the tetrahedra from each shell's mean vertex, so that open shells have a sign too."""
+    """Returns the signed volumes of the tetrahedra from each shell's mean point to its triangles.
+
+    The sum over an open shell is a volume too, whose sign tells the orientation.
+    """
     triangles = vertices[corners]
     count = np.bincount(shell)[:, None]
     sums = [np.bincount(shell, weights=x) for x in triangles.mean(axis=1).T]

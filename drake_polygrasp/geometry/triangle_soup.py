@@ -1,4 +1,4 @@
-"""Triangles that points ask of again and again: which are near, and how often they wind around.
+"""Finds the triangles of a mesh near points, and winding numbers of the mesh around points.
 
 Points are compared with triangles in batches, so that memory does not grow with their product.
 """
@@ -19,39 +19,43 @@ from drake_polygrasp.geometry.triangles import point_triangle_distance
 from drake_polygrasp.vectors import times
 
 _POINTS_AT_ONCE = 1 << 12
-"""Ours: so few calls that what each costs does not count."""
+"""Number of points in a query, our choice: enough that the overhead of a call does not matter."""
 _HITS_AT_ONCE = 1 << 24
-"""Pairs that a tree finds at once if every box is near every point, ours: 256 MB. GEOS ends the
-process when it finds no room for them."""
+"""Number of pairs in a query if every box is near every point, our choice: 256 MB. GEOS aborts the
+process when it runs out of memory."""
 _PAIRS_AT_ONCE = 1 << 17
-"""Of points and triangles that are compared at once, ours: temporaries of some 50 MB."""
+"""Number of point-triangle pairs compared at once, our choice: about 50 MB of temporaries."""
 _FEW = 256
-"""Ours: so few triangles may all be near a point, and none is worth cutting."""
+"""Our choice: needles in meshes of no more triangles are not cut."""
 _RAY = np.array([[0.6, -0.48, 0.64], [0.8, 0.36, -0.48], [0.0, 0.8, 0.6]])
-"""A rotation, ours, whose third column no usual face is parallel to."""
+"""A rotation, our choice, whose third column is parallel to no face or edge that models commonly
+have."""
 
 
 class _Boxes(NamedTuple):
-    """Bounding boxes of triangles, of needles those of their pieces."""
+    """Bounding boxes of triangles, and of pieces of needles.
+
+    Attributes:
+        turn: rotation about z; row vectors times it are in the frame of the boxes, shape (3, 3).
+        low: corners with the least coordinates, shape (N, 3).
+        high: corners with the greatest coordinates, shape (N, 3).
+        triangle: the triangle of each box, shape (N,).
+        tree: tree of the boxes seen along z.
+    """
 
     turn: Array
-    """What rotates points about z into the frame of the boxes, shape (3, 3)."""
     low: Array
-    """Shape (N, 3)."""
     high: Array
-    """Shape (N, 3)."""
     triangle: Ints
-    """Whose each is, shape (N,)."""
     tree: shapely.STRtree
-    """Of their sides across z."""
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleSoup:
-    """Triangles in no order, with the trees that finding them takes, each built once.
+    """Triangles in no particular order, with search trees that are built on first use.
 
     Attributes:
-        triangles: shape (T, 3, 3).
+        triangles: [m], shape (T, 3, 3).
     """
 
     triangles: Array
@@ -72,19 +76,25 @@ class TriangleSoup:
         return TriangleSoup(times(self.triangles, _RAY))
 
     def __reduce__(self) -> tuple[type[TriangleSoup], tuple[Array]]:
-        """Trees are not pickled."""
+        """Pickles the triangles without the trees."""
         return TriangleSoup, (self.triangles,)
 
     def winding_numbers(self, points: Array) -> Ints:
-        """How often closed, outward-oriented triangles wind around points (M, 3); (M,).
+        """Returns how often closed, outward-oriented shells wind around points.
 
-        Counts signed crossings of a ray from each point. Sides belong to one of the two triangles
-        that share them, so that none is counted twice.
+        It counts signed crossings of a ray from each point. A side belongs to one of the two
+        triangles that share it, so that no crossing counts twice.
+
+        Args:
+            points: [m], shape (M, 3).
+
+        Returns:
+            Shape (M,): 0 outside all shells, 1 inside one, more where shells overlap.
         """
         winding = np.zeros(len(points))
         if not len(self.triangles) or not len(points):
             return winding.astype(np.int64)
-        # Along no axis, where the walls of made things would hold the whole ray.
+        # The ray is oblique, because walls of manufactured objects are often parallel to axes.
         along, points = self._along_ray, times(points, _RAY)
         for i, t in along._pairs(points, 0.0, above=np.inf):
             turns = _turns(points[i, :2], along.triangles[t, :, :2])
@@ -97,17 +107,29 @@ class TriangleSoup:
         return winding.astype(np.int64)
 
     def near(self, points: Array, reach: float) -> Iterator[tuple[Ints, Ints]]:
-        """Pairs (point, triangle) of which a bounding box is within `reach`, shapes (N,) and (N,).
+        """Yields pairs of points and triangles whose bounding boxes are near the points.
 
-        Of some points at a time, with all of their pairs. All triangles within reach of a point
-        are among them, some more than once.
+        The pairs include all triangles within reach of a point, some of them more than once. All
+        pairs of one point come together.
+
+        Args:
+            points: [m], shape (M, 3).
+            reach: greatest distance between point and box along each axis of the boxes [m].
+
+        Yields:
+            Indices of points, ascending, shape (N,), and of triangles, shape (N,).
         """
         yield from self._pairs(points, reach)
 
     def closer_than(self, points: Array, reach: float) -> tuple[Ints, Ints, Array]:
-        """Pairs (point, triangle) within `reach`, and their distances; shapes (N,), (N,), (N,).
+        """Returns all pairs of points and triangles within a distance of each other.
 
-        Only triangles with a bounding box within reach are measured.
+        Args:
+            points: [m], shape (M, 3).
+            reach: the greatest distance [m].
+
+        Returns:
+            Indices of points, indices of triangles, and their distances [m], shape (N,) each.
         """
         none = np.empty(0, np.int64)
         found = [(none, none, np.empty(0)), *self._closer_than(points, reach)]
@@ -115,20 +137,29 @@ class TriangleSoup:
         return point, triangle, distance
 
     def within(self, points: Array, reach: float) -> Bools:
-        """Whether a triangle is within `reach` of each point (M, 3); (M,)."""
+        """Returns whether some triangle is within a distance of each point.
+
+        Args:
+            points: [m], shape (M, 3).
+            reach: the distance [m].
+
+        Returns:
+            Shape (M,).
+        """
         found = np.zeros(len(points), dtype=bool)
         for i, _, _ in self._closer_than(points, reach):
             found[i] = True
         return found
 
     def _closer_than(self, points: Array, reach: float) -> Iterator[tuple[Ints, Ints, Array]]:
+        """Yields what `closer_than` returns, for some points at a time."""
         for i, j in self._pairs(points, reach):
             distance = point_triangle_distance(points[i], self.triangles[j])
             close = self._distinct(i, j, distance <= reach)
             yield i[close], j[close], distance[close]
 
     def _distinct(self, i: Ints, t: Ints, wanted: Bools) -> Ints:
-        """Where wanted pairs (point, triangle) are, each once: near needles there are copies."""
+        """Returns the indices of wanted pairs without the repetitions that cut needles cause."""
         rows = np.flatnonzero(wanted)
         if len(self._boxes.triangle) == len(self.triangles):
             return rows
@@ -139,7 +170,7 @@ class TriangleSoup:
     def _pairs(
         self, points: Array, reach: float, above: float | None = None
     ) -> Iterator[tuple[Ints, Ints]]:
-        """What `near` says, within another reach along z for what is above a point."""
+        """Yields what `near` yields, with a reach of its own for triangles above a point."""
         turn, low, high, owner, tree = self._boxes
         points = times(points, turn)
         size = int(np.clip(_HITS_AT_ONCE // max(1, len(owner)), 1, _POINTS_AT_ONCE))
@@ -152,14 +183,14 @@ class TriangleSoup:
             if len(i) <= _PAIRS_AT_ONCE:
                 yield rows.start + i, t
                 continue
-            # All of a point's pairs stay together.
+            # Cut between points, so that all pairs of a point stay together.
             cut = np.searchsorted(i, i[_PAIRS_AT_ONCE - 1 :: _PAIRS_AT_ONCE], "right")
             for some_i, some_t in zip(np.split(i, cut), np.split(t, cut), strict=True):
                 yield rows.start + some_i, some_t
 
 
 def _turns(points: Array, triangles: Array) -> Array:
-    """The turn, -1, 0 or 1, that each triangle (N, 3, 2) makes around its point (N, 2), (N,)."""
+    """Returns winding numbers, -1, 0 or 1, of triangles (N, 3, 2) around points (N, 2), (N,)."""
     corner = triangles - points[:, None]
     head = np.roll(corner, -1, axis=1)
     left = corner[..., 0] * head[..., 1] - head[..., 0] * corner[..., 1]

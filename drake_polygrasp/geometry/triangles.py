@@ -1,4 +1,4 @@
-"""Arrays of triangles: normals, frames and distances."""
+"""Normals, frames and distances of arrays of triangles."""
 
 from __future__ import annotations
 
@@ -8,13 +8,21 @@ from drake_polygrasp.arrays import Array, Ints, batches
 from drake_polygrasp.vectors import cross, dot
 
 _PAIRS_AT_ONCE = 1 << 20
-"""Of points that are measured at once, ours: temporaries of some 40 MB."""
+"""Number of pairs of points measured at once, our choice: about 40 MB of temporaries."""
 _BINS = 8
-"""A side, ours: some 400 bins on the surface of a round body."""
+"""Bins per axis, our choice: about 400 of them hold points of a round body."""
 
 
 def distinct(rows: Array | Ints) -> tuple[Ints, Ints]:
-    """Where each distinct row (M, 3) is first, in ascending order, and which of them each is."""
+    """Returns the distinct rows of an array.
+
+    Args:
+        rows: shape (M, 3).
+
+    Returns:
+        The index of the first row of each value, in ascending order of the values, shape (K,), and
+        for each row the number 0..K-1 of its value, shape (M,).
+    """
     order = np.lexsort(rows.T[::-1])  # Several times as fast as np.unique on rows.
     is_new = np.ones(len(rows), dtype=bool)
     is_new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
@@ -24,9 +32,14 @@ def distinct(rows: Array | Ints) -> tuple[Ints, Ints]:
 
 
 def unit_normals(triangles: Array) -> tuple[Array, Array]:
-    """Unit normals (T, 3) by the right-hand rule, and areas (T,).
+    """Returns the unit normals, by the right-hand rule, and the areas of triangles.
 
-    Components below 1e-12, rounding errors, become 0; a triangle without area has normal 0.
+    Args:
+        triangles: [m], shape (T, 3, 3).
+
+    Returns:
+        Normals with components below 1e-12, which are rounding errors, set to 0, shape (T, 3); the
+        normal is 0 where the area is. And areas [m^2], shape (T,).
     """
     normal = cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     length = np.linalg.norm(normal, axis=1)
@@ -34,16 +47,27 @@ def unit_normals(triangles: Array) -> tuple[Array, Array]:
 
 
 def tidy(vectors: Array) -> Array:
-    """Unit vectors (..., 3) without components below 1e-12; zero vectors stay."""
+    """Returns unit vectors with components below 1e-12, which are rounding errors, set to 0.
+
+    Args:
+        vectors: nearly unit vectors, or 0, which stays 0; shape (..., 3).
+    """
     vectors = np.where(np.abs(vectors) < 1e-12, 0.0, vectors)
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(length > 0, length, 1))
 
 
 def face_frame(normal: Array) -> Array:
-    """R_BF (3, 3) with Fz along `normal`, and Fx near the body axis most nearly in the plane.
+    """Returns the orientation R_BF of a face with a given normal.
 
-    So the axes of an axis-aligned face are axis-aligned.
+    Fz is along the normal, and Fx along the projection of the axis of B that is nearest to the
+    plane, so that a face parallel to axes of B has a frame parallel to them.
+
+    Args:
+        normal: in B, nearly of unit length, shape (3,).
+
+    Returns:
+        Columns Fx, Fy, Fz, shape (3, 3).
     """
     Fz = tidy(normal)
     axis = np.eye(3)[np.argmin(np.round(np.abs(Fz), 9))]
@@ -52,10 +76,13 @@ def face_frame(normal: Array) -> Array:
 
 
 def diameter(points: Array) -> float:
-    """Greatest distance between two of the points (V, 3).
+    """Returns the greatest distance between two points.
 
-    Points are binned; only pairs of bins that may hold a greater distance than one already found
-    are measured, so that a round body of many vertices takes no square of their number.
+    Points are binned, and only pairs of bins that can hold a greater distance than one already
+    found are measured, so the time is not quadratic in the number of vertices of a round body.
+
+    Args:
+        points: [m], shape (V, 3).
     """
     points = points - points.mean(axis=0)
     points = points[distinct(points)[0]]
@@ -84,10 +111,17 @@ def diameter(points: Array) -> float:
 
 
 def point_triangle_distance(points: Array, triangles: Array) -> Array:
-    """Distance of each point to its triangle; shapes (..., 3) and (..., 3, 3) broadcast to (...).
+    """Returns the distance of each point to its triangle.
 
     The nearest point is the orthogonal projection when that lies within the triangle, else on a
     side.
+
+    Args:
+        points: [m], shape (..., 3).
+        triangles: [m], shape (..., 3, 3); leading dimensions broadcast.
+
+    Returns:
+        [m], shape (...).
     """
     corner = [triangles[..., c, :] for c in range(3)]
     side = [head - tail for tail, head in zip(corner, corner[1:] + corner[:1], strict=True)]
@@ -107,11 +141,11 @@ def point_triangle_distance(points: Array, triangles: Array) -> Array:
 
 
 def nearest_on_triangles(point: Array, triangles: Array) -> Array:
-    """Returns the point of each triangle that is nearest to one point.
+    """Returns the point of each triangle nearest to one point.
 
     Args:
         point: [m], shape (3,).
-        triangles: [m], shape (T, 3, 3); those without area are segments or points.
+        triangles: [m], shape (T, 3, 3); a triangle without area is taken for a segment or a point.
 
     Returns:
         Points [m], shape (T, 3).
