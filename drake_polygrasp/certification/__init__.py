@@ -5,6 +5,11 @@
 | exact.py | proves force closure from a few numbers in exact arithmetic, with the standard library alone |
 | convex.py | finds the forces and twists that `exact` checks |
 | contact_regions.py | finds one internal force for regions of contacts, and the largest discs |
+| region_epsilon.py | bounds epsilon and the squeeze force for all placements in regions |
+| swept_facets.py | finds a good twist for each facet, and better facets |
+| swept_generators.py | forces that serve contacts all over their regions |
+| simplex_cycle.py | closed surfaces of simplices of wrenches: hulls, and what is made of them |
+| worst_placement.py | finds the placement in regions that withstands least |
 | certify.py | proves grasps, and says of those that hold how well they do |
 | robustness.py | epsilon and the tolerances: how much more than the minimum a grasp withstands |
 | holding_forces.py | contact forces that hold the object against a load |

@@ -1,0 +1,262 @@
+"""Bounds of epsilon for all placements of contacts in regions, with all other errors at once.
+
+The lower bound is proved by a closed surface of simplices (`swept_facets`), which is returned; the
+upper one is what the worst placement withstands that was found (`worst_placement`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.certification.contact_regions import RegionPiece
+from drake_polygrasp.certification.exact import narrowed_friction
+from drake_polygrasp.certification.robustness import GRAVITY
+from drake_polygrasp.certification.simplex_cycle import (
+    encloses,
+    first_hull,
+    is_closed,
+    with_point,
+)
+from drake_polygrasp.certification.swept_facets import (
+    LoadNorm,
+    SweptFacets,
+    lowest_twists,
+    raised,
+    swept_facets,
+)
+from drake_polygrasp.certification.swept_generators import RangingContacts, SweptGenerators
+from drake_polygrasp.certification.worst_placement import (
+    Placeable,
+    WorstPlacement,
+    padded,
+    placeable,
+)
+from drake_polygrasp.digits import at_least, at_most
+from drake_polygrasp.vectors import dot
+from drake_polygrasp.wrenches.contacts import contact_frames
+from drake_polygrasp.wrenches.epsilon_bound import critical_directions
+
+RELATIVE_GAP = 0.02
+"""Our choice: how far apart the bounds may stay, over the upper one."""
+_FIRST_GAP = 0.05
+"""Our choice: how near to its support the first hull comes, over the bound at the middles."""
+_MOST_CRITICAL = 12
+_DIGITS = 9
+"""Our choice: decimals of what is compared."""
+_STEEPEST, _HAIR = 1e9, 1e-14
+"""Our choice: the tangent of a right angle; and what sines and cosines are off, relative."""
+_FIRST_TURNS = np.array([0.3, 1.9, 3.4, 5.0])
+_MOST_FIRST, _MOST_INSERTIONS = 16, 30
+"""Our choice: generators that are added at most to the first hull, and to its facets."""
+_ROUNDING = 1e-12
+"""A height is a sum of six products below 2 (1 + mu), each off by a few times 2^-53 of that: this
+much, times 1 + mu, is taken off heights for it, and of their quotients for the norms' roundings."""
+
+
+@dataclass(frozen=True, eq=False)
+class FacetProof:
+    """A closed surface around the origin that proves a lower bound.
+
+    Attributes:
+        bound: what is proved, in the norm of the loads.
+        simplices: rows of indices of generators, shape (J, 6).
+        twists: a twist for each, shape (J, 6).
+    """
+
+    bound: float
+    simplices: Ints
+    twists: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RegionProof:
+    """All that `exact_cycle` needs, beside the regions and errors, to check the bounds.
+
+    Attributes:
+        contact: 0, 1 or 2: whose each generator is, shape (G,).
+        force: its force for each piece of its contact's region, shape (G, S, 3); the last is
+            repeated for contacts of fewer pieces.
+        epsilon: proof of `epsilon_lower`; None where that is 0.
+        weight: proof of the squeeze force; None where there is none.
+    """
+
+    contact: Ints
+    force: Array
+    epsilon: FacetProof | None
+    weight: FacetProof | None
+
+
+@dataclass(frozen=True, eq=False)
+class RegionEpsilon:
+    """What a grasp withstands for every placement of its contacts, tilt, friction and so on.
+
+    Attributes:
+        epsilon_lower: wrenches of this length are withstood per total normal force, whatever is
+            off within the errors; 0 where nothing is proved.
+        epsilon_upper: some placement within the errors withstands no more.
+        squeeze_force: total normal force that holds the weight in every orientation [N]; None
+            where no mass is known or none is proved to.
+        proof: what proves these.
+    """
+
+    epsilon_lower: float
+    epsilon_upper: float
+    squeeze_force: float | None
+    proof: RegionProof
+
+
+def region_epsilon(
+    regions: Sequence[Sequence[RegionPiece]],
+    mu: Array,
+    p_BBcm: Array,
+    rho: float,
+    *,
+    tilt_error: float = 0.0,
+    friction_error: float = 0.0,
+    com_error: float = 0.0,
+    mass: float | None = None,
+    relative_gap: float = RELATIVE_GAP,
+) -> RegionEpsilon:
+    """Bounds what a grasp withstands wherever its contacts are in three regions.
+
+    Args:
+        regions: the pieces on one of which each contact is.
+        mu: friction coefficients, shape (3,).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        tilt_error: angle by which normals may differ from the surface's [rad].
+        friction_error: share by which friction coefficients may be less.
+        com_error: how far the centre of mass may be off [m].
+        mass: of the body [kg]; None where it is unknown.
+        relative_gap: how far apart the bounds may stay, over the upper one.
+
+    Returns:
+        The bounds with their proof, rounded to the safe side.
+    """
+    left = [
+        [narrowed_friction(m, tilt_error, friction_error, piece.tan_spread) for piece in region]
+        for m, region in zip(mu.tolist(), regions, strict=True)
+    ]
+    narrowed = np.array([float(m) for region in left for m in region]) * (1.0 - _HAIR)
+    contacts = _ranging(regions, np.maximum(narrowed, 0.0), tilt_error, p_BBcm, rho)
+    generators = SweptGenerators(contacts)
+    start = _critical(contacts)
+    hull = _first_facets(generators)
+    is_around = bool(narrowed.min() > 0.0) and encloses(generators.middle, hull[0])
+    least = (1.0 - friction_error) * mu[contacts.contact]
+    possible = placeable(regions, least.tolist(), p_BBcm, rho)
+    served = placeable(regions, contacts.mu.tolist(), p_BBcm, rho)
+    found: list[FacetProof | None] = [None, None]
+    uppers = []
+    for k in range(2 if mass else 1):
+        norm = LoadNorm(com_error / rho, forces_only=k == 1)
+        facets = swept_facets(generators, *hull, norm)
+        if is_around:
+            ceiling = _Ceiling(generators, served, norm)
+            ceiling.lowered(start)
+            facets = raised(
+                generators, facets, norm, ceiling.lowered, relative_gap, _MOST_INSERTIONS
+            )
+            found[k] = _proved(generators, facets, norm, float(mu.max()))
+            hull = facets.simplices, facets.twists
+        worst = WorstPlacement(possible, tilt_error, norm)
+        uppers.append(worst.lowered(np.concatenate([start, lowest_twists(facets)])))
+    epsilon, weight = found
+    lower = epsilon.bound if epsilon else 0.0
+    squeeze = at_least(mass * GRAVITY / weight.bound) if mass and weight else None
+    proof = RegionProof(frozen(generators.contact, int), frozen(generators.force), epsilon, weight)
+    return RegionEpsilon(lower, at_least(max(uppers[0], lower, 0.0)), squeeze, proof)
+
+
+def _ranging(
+    regions: Sequence[Sequence[RegionPiece]], mu: Array, tilt: float, p_BBcm: Array, rho: float
+) -> RangingContacts:
+    contact = np.array([i for i, region in enumerate(regions) for _ in region])
+    pieces = [piece for region in regions for piece in region]
+    nhat = np.stack([piece.nhat_TB_B for piece in pieces])
+    corners = [(piece.p_BV - p_BBcm) / rho for piece in pieces]
+    centres = np.stack([r_V.mean(axis=0) for r_V in corners])
+    reference = []
+    for i in range(3):
+        own = np.flatnonzero(contact == i)
+        off = centres[own] - centres[own].mean(axis=0)
+        reference.append(own[np.round(dot(off, off), _DIGITS).argmin()])
+    middles = centres[reference]
+    tan_tilt = math.tan(tilt)
+    spread = np.array([piece.tan_spread for piece in pieces])
+    rest = 1.0 - tan_tilt * spread
+    tangent = np.where(rest > 0, (tan_tilt + spread) / np.where(rest > 0, rest, 1.0), _STEEPEST)
+    return RangingContacts(
+        contact=contact,
+        reference=np.array(reference),
+        r_V=padded(corners),
+        frames=contact_frames(middles[None], nhat[None])[0],
+        mu=mu,
+        tangent=tangent * (1.0 + _HAIR),
+    )
+
+
+def _critical(contacts: RangingContacts) -> Array:
+    """Twists along which the cones at the regions' middles reach little, (K, 6)."""
+    k = contacts.reference
+    place = contacts.middles()[None], contacts.frames[k, 0][None], contacts.mu[k][None]
+    critical, _ = critical_directions(*place, np.zeros(3), 1.0, num=_MOST_CRITICAL)
+    return np.asarray(np.round(critical[0], _DIGITS))
+
+
+def _first_facets(generators: SweptGenerators) -> tuple[Ints, Array]:
+    """The facets of a hull, as simplices and twists; none where the generators are flat."""
+    generators.add_rims(_FIRST_TURNS)
+    first = first_hull(generators.middle)
+    if first is None:
+        return np.zeros((0, 6), dtype=int), np.zeros((0, 6))
+    hull, order = first
+    for k in range(len(generators)):
+        if k not in order:
+            hull = with_point(hull, generators.middle, k)
+    for _ in range(_MOST_FIRST):
+        w, offset = hull.twists()
+        lowest = int(np.round(offset, _DIGITS).argmin())
+        contact, force, most = generators.best_forces(w[lowest])
+        if most <= max(offset[lowest] * (1.0 + _FIRST_GAP), 0.0):
+            break
+        generators.add(np.array([contact]), force[None])
+        hull = with_point(hull, generators.middle, len(generators) - 1)
+    return hull.simplices, hull.twists()[0]
+
+
+class _Ceiling:
+    """What generators may prove at most, by the twists that were tried."""
+
+    def __init__(
+        self, generators: SweptGenerators, groups: Sequence[Placeable], norm: LoadNorm
+    ) -> None:
+        self._generators, self._norm = generators, norm
+        self._worst, self._bound = WorstPlacement(groups, 0.0, norm), math.inf
+
+    def lowered(self, w: Array) -> float:
+        """The least bound with more twists, of forces that serve all tilts."""
+        before = self._worst.bound
+        if self._worst.lowered(w) < before:
+            w = self._worst.w
+            _, _, most = self._generators.best_forces(w)
+            self._bound = min(self._bound, most / float(self._norm.of(w[None])[0]))
+        return self._bound
+
+
+def _proved(
+    generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm, mu: float
+) -> FacetProof | None:
+    """What facets prove, less rounding errors; None where that is nothing."""
+    heights = generators.heights(facets.twists, facets.simplices).min(axis=1)
+    least = float(((heights - _ROUNDING * (1.0 + mu)) / norm.of(facets.twists)).min())
+    around = is_closed(facets.simplices) and encloses(generators.middle, facets.simplices)
+    if least <= 0.0 or not around:
+        return None
+    bound = at_most(least * (1.0 - _ROUNDING))
+    return FacetProof(bound, frozen(facets.simplices, int), frozen(facets.twists))
