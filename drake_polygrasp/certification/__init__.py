@@ -1,19 +1,19 @@
-"""Does it hold? Mathematics alone; nothing here knows how a grasp was found, or a file or plant.
+"""Proves force closure and bounds what a grasp withstands: mathematics without files or plants.
 
 | file | what it holds |
 |---|---|
-| exact.py | proves force closure from a few numbers in exact arithmetic, with the standard library alone |
-| convex.py | finds the forces and twists that `exact` checks |
+| exact.py | checks proofs of force closure in exact arithmetic, with the standard library alone |
+| convex.py | finds the internal forces and escaping twists that `exact` checks |
 | contact_regions.py | finds one internal force for regions of contacts, and the largest discs |
 | region_epsilon.py | bounds epsilon and the squeeze force for all placements in regions |
 | swept_facets.py | finds a good twist for each facet, and better facets |
 | swept_generators.py | forces that serve contacts all over their regions |
 | simplex_cycle.py | closed surfaces of simplices of wrenches: hulls, and what is made of them |
 | worst_placement.py | finds the placement in regions that withstands least |
-| certify.py | proves grasps, and says of those that hold how well they do |
-| robustness.py | epsilon and the tolerances: how much more than the minimum a grasp withstands |
+| certify.py | proves grasps, and computes the certificates of those that are force closure |
+| robustness.py | bounds of epsilon, the tolerances and the squeeze force |
 | holding_forces.py | contact forces that hold the object against a load |
-"""  # noqa: E501 - a table
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Proves grasps, and says of those that hold how well they do."""
+"""Proves grasps, and computes the certificates of those that are force closure."""
 
 from __future__ import annotations
 
@@ -28,15 +28,16 @@ from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, Verdict
 
 @dataclass(frozen=True, eq=False)
 class Proof:
-    """Whether a grasp is force closure, and what shows it.
+    """The answer to whether a grasp is force closure, with its proof.
 
     Attributes:
-        verdict: whether the grasp is force closure, as far as known.
-        reason: why it does not hold or is undecided, a sentence.
-        internal_force: x_12, x_13, x_23 [1/m], shape (3,), where it holds: for
-            `exact.check_force_closure`.
-        margin: what `internal_force` attains, in (0, 1] where it holds.
-        escape: how the object leaves, where it does not hold.
+        verdict: HOLDS if the grasp is proved force closure, FAILS if it is proved not to be.
+        reason: why it fails or is undecided; empty if it holds.
+        internal_force: x_12, x_13, x_23 [1/m], shape (3,), which `exact.check_force_closure`
+            accepts; None unless the grasp holds.
+        margin: how far inside the friction cones `internal_force` is, in (0, 1]; 0 unless the grasp
+            holds.
+        escape: a motion that no contact force resists, if one was found for a grasp that fails.
     """
 
     verdict: Verdict
@@ -47,12 +48,22 @@ class Proof:
 
 
 def prove(grasp: Grasp) -> Proof:
-    """Prove one grasp force closure, or find how the object escapes."""
+    """Proves a grasp force closure, or finds how the object escapes.
+
+        proof = prove(grasp)
+        print(proof.verdict, proof.reason)
+
+    Args:
+        grasp: three contacts.
+
+    Returns:
+        The verdict and its proof.
+    """
     return prove_many(grasp.p_BC[None], grasp.nhat_TB_B[None], grasp.mu[None])[0]
 
 
 def prove_many(p_BC: Array, nhat_TB_B: Array, mu: Array) -> list[Proof]:
-    """Prove M grasps, or find how the object escapes them.
+    """Proves M grasps force closure, or finds how the object escapes them.
 
     Args:
         p_BC: contact points [m], shape (M, 3, 3).
@@ -60,9 +71,9 @@ def prove_many(p_BC: Array, nhat_TB_B: Array, mu: Array) -> list[Proof]:
         mu: friction coefficients, shape (M, 3).
 
     Returns:
-        One proof a grasp, in their order. "holds" only where an internal force passes the exact
-        check; "does not hold" where the contacts cannot be proved of (collinear, say) or an
-        escaping twist passes its exact check; else "undecided".
+        One proof for each grasp. HOLDS only if an internal force passes the exact check; FAILS if
+        the contacts violate its assumptions (collinear, say) or an escaping twist passes its own
+        exact check; else UNDECIDED.
     """
     x = find_internal_forces(p_BC, nhat_TB_B, mu)
     return [_judge(*grasp) for grasp in zip(p_BC, nhat_TB_B, mu, x, strict=True)]
@@ -97,20 +108,21 @@ def certify(
     proof: Proof | None = None,
     epsilon: Interval | None = None,
 ) -> CertifiedGrasp | Proof:
-    """Prove a grasp and measure how much more than nothing it withstands.
+    """Proves a grasp and computes its certificate.
 
     Args:
         grasp: three contacts.
-        mass: of the object [kg]; None where it is not known.
+        mass: mass of the object [kg]; None if it is unknown.
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         edge_distance: least distance from a contact to an edge of its face [m], which the
-            placement tolerance does not exceed; None where no face is known.
-        proof: what `prove` says of the grasp, where that is known already.
-        epsilon: what `epsilon_interval` says of it, where that is known already.
+            placement tolerance does not exceed; None if no face is known.
+        proof: result of `prove`, if it is known already.
+        epsilon: result of `epsilon_interval`, if it is known already.
 
     Returns:
-        The grasp with its certificate if it holds, else the proof that says why not.
+        The grasp with its certificate if it holds, else the proof that it does not, or why that is
+        undecided.
     """
     proof = proof or prove(grasp)
     if proof.internal_force is None:

@@ -1,9 +1,9 @@
 """Finds one internal force that proves force closure for all placements in three regions.
 
-`exact.check_region` says what is proved, and decides. A friction cone is an intersection of
-half-spaces, and how far f_i is inside all of them is a concave function of x. Its maximum over the
-plane of x with normal forces of sum 1 is found by linear programs in two variables that take up the
-half-spaces that are violated most.
+Only what `exact.check_region` accepts is returned. A friction cone is an intersection of
+half-spaces, and the least distance of f_i inside them is a concave function of x. It is maximised
+over the plane of x with normal forces of total 1 by cutting planes: linear programs in two
+variables, each with the half-spaces that the last solution violates most.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from drake_polygrasp.vectors import circle, cross, dot, times, unit
 from drake_polygrasp.wrenches.contacts import contact_frames
 
 _NUM_CORNERS = 24
-"""Our choice: polygons reach beyond their discs by 1 percent at the corners."""
+"""Our choice: corners of the polygon around a disc, which are then 1 percent outside it."""
 _NUM_TANGENTS, _FEWEST_TANGENTS = 768, 32
-"""Our choice: half-spaces of the cone about a contact, shared by its pieces."""
+"""Our choice: half-spaces of the cone at a contact, divided among its pieces; least for a piece."""
 _SHRINK = (0.9995, 0.998, 0.995, 0.99, 0.98, 0.95)
-"""Our choice: parts of the radius that are tried in turn."""
+"""Our choice: fractions of the computed radius that are tried in turn."""
 _RESOLVED_DIGITS = 6
-"""Our choice, of x: more of them would gain less radius than is shrunk."""
+"""Our choice: digits of x; more would gain less radius than the first shrinking loses."""
 _KEPT, _MAX_STEPS = 12, 60
-"""Our choice: half-spaces that a linear program remembers, and programs at most."""
+"""Our choice: half-spaces kept from one linear program to the next; most linear programs."""
 _STEPS_BACK = (0.0, 1e-4, 1e-3, 1e-2)
-"""Our choice: parts of the way back to the x of the largest margin."""
+"""Our choice: fractions of the way back to the x of the largest margin that are tried."""
 _TOLERANCE = 1e-5
-"""Our choice, relative: what the maximum may be missed by."""
+"""Our choice: relative error of the maximum."""
 _BOUND = 10.0
-"""Our choice: how far x is looked for, over its own length at the largest margin."""
+"""Our choice: greatest distance of x from that of the largest margin, over the latter's length."""
 _TRIPLES: Ints = np.array(list(itertools.combinations(range(_KEPT + 3 + 4), 3)))
 _I = range(3)
 _ONE = np.ones(1)
@@ -53,11 +53,11 @@ _FACTORS = np.array(
 
 
 class RegionPiece(Protocol):
-    """A part of the surface around a contact, as `check_region` takes it."""
+    """A part of the surface around a contact, as `exact.check_region` takes it."""
 
     @property
     def p_BV(self) -> Array:
-        """Corners of a convex polygon or polytope that contains it [m], shape (n, 3)."""
+        """Corners of a convex polygon or polytope that contains the part [m], shape (n, 3)."""
 
     @property
     def nhat_TB_B(self) -> Array:
@@ -65,17 +65,17 @@ class RegionPiece(Protocol):
 
     @property
     def tan_spread(self) -> float:
-        """Bounds the tangent of the angle between that normal and the true one anywhere in it."""
+        """Tangent of the greatest angle between that normal and the surface's in the part."""
 
 
 @dataclass(frozen=True, eq=False)
 class DiscPolygon:
-    """A polygon around a disc of a planar face.
+    """A polygon around a disc in a planar face.
 
     Attributes:
         p_BV: corners, counter-clockwise about the normal [m], shape (n, 3).
         nhat_TB_B: inward unit normal, shape (3,).
-        tan_spread: 0, for the face is planar.
+        tan_spread: 0, because the face is planar.
     """
 
     p_BV: Array
@@ -85,14 +85,15 @@ class DiscPolygon:
 
 @dataclass(frozen=True, eq=False)
 class RegionCertificate:
-    """Proof that a grasp is force closure wherever its contacts are in three regions.
+    """A proof that a grasp is force closure for all placements of its contacts in three regions.
 
     Attributes:
         internal_force: x_12, x_13, x_23 [1/m], shape (3,), one for all placements.
-        regions: the pieces on one of which each contact is.
-        placement_error: what each region was made for [m], shape (3,).
-        tilt_error: angle by which normals may differ from the surface's at once [rad].
-        friction_error: share by which friction coefficients may be less at once.
+        regions: for each contact the pieces whose union it may be in.
+        placement_error: distance by which each contact may be off [m], shape (3,), for which its
+            region was made.
+        tilt_error: greatest angle between normals and the surface's [rad].
+        friction_error: greatest relative loss of friction coefficients.
     """
 
     internal_force: Array
@@ -112,19 +113,19 @@ def certify_regions(
     tilt_error: float = 0.0,
     friction_error: float = 0.0,
 ) -> RegionCertificate | None:
-    """Proves a grasp for every placement of its contacts in given regions.
+    """Proves a grasp for all placements of its contacts in given regions.
 
     Args:
         p_BC: contact points [m], shape (3, 3).
         nhat_TB_B: inward unit normals, shape (3, 3).
         mu: friction coefficients, shape (3,).
-        regions: the pieces of each contact's region, of the numbers that a file will state.
-        placement_error: what the regions were made for [m], shape (3,).
-        tilt_error: angle by which normals may differ from the surface's [rad].
-        friction_error: share by which friction coefficients may be less.
+        regions: the pieces of each contact's region, rounded as a file will state them.
+        placement_error: distances for which the regions were made [m], shape (3,).
+        tilt_error: greatest angle between normals and the surface's [rad].
+        friction_error: greatest relative loss of friction coefficients.
 
     Returns:
-        The certificate, exactly checked; None where no x is found that passes.
+        The certificate, exactly checked; None if no x is found that passes.
     """
     errors = tilt_error, friction_error
     search = _search(p_BC, nhat_TB_B, mu, regions, *errors)
@@ -145,20 +146,20 @@ def largest_certified_radius(
     tilt_error: float = 0.0,
     friction_error: float = 0.0,
 ) -> RegionCertificate | None:
-    """Proves the largest discs about contacts on planar faces, of radii in given proportions.
+    """Proves a grasp for the largest discs about contacts on planar faces, in given proportions.
 
     Args:
         p_BC: contact points [m], shape (3, 3).
         nhat_TB_B: inward unit normals, shape (3, 3).
         mu: friction coefficients, shape (3,).
-        radii: the greatest radii that are of use [m], positive, shape (3,).
+        radii: greatest useful radii [m], positive, shape (3,); all are scaled by one factor.
         size: diameter of the object [m]; corners keep twelve digits of it.
-        tilt_error: angle by which normals may differ from the surface's [rad].
-        friction_error: share by which friction coefficients may be less.
+        tilt_error: greatest angle between normals and the surface's [rad].
+        friction_error: greatest relative loss of friction coefficients.
 
     Returns:
-        The certificate, exactly checked, with the radii reached as its placement error; None where
-        no x is found that passes.
+        The certificate, exactly checked, with the proved radii as its placement error; None if no x
+        is found that passes.
     """
     errors = tilt_error, friction_error
     search = _search(p_BC, nhat_TB_B, mu, _discs(p_BC, nhat_TB_B, radii, size), *errors)
@@ -179,7 +180,7 @@ def _discs(
 ) -> tuple[tuple[RegionPiece, ...], ...]:
     frames = contact_frames(p_BC[None], nhat_TB_B[None])[0]
     ring = circle(2 * np.pi * np.arange(_NUM_CORNERS) / _NUM_CORNERS) / np.cos(np.pi / _NUM_CORNERS)
-    # Wider by more than the rounding of corners.
+    # Wider by more than the rounding of the corners.
     widths = radii * (1 + 1e-9) + size * 1e-11
     return tuple(
         (DiscPolygon(frozen(on_grid(p + w * times(ring, frame[1:]), size, EXACT)), frozen(n)),)
@@ -196,16 +197,16 @@ def _is_proved(
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Half-spaces u.f_i > 0 of all pieces of all contacts, as functions of x.
+    """The R half-spaces u.f_i > 0 of all pieces of all contacts, as functions of x.
 
     Attributes:
-        nominal: u.f_i(c) at the contacts is nominal . x, shape (R, 3).
+        nominal: u.f_i is nominal . x for contacts at their nominal points c, shape (R, 3).
         lowest: least u.(p - c_k) over corners p of region k, shape (R, 3).
-        highest: the greatest, likewise.
-        factors: of those in f_i, linear in x, shape (R, 3, 3).
-        contact: i of each, shape (R,).
-        push: normal forces at the contacts have the sum push . x, shape (3,).
-        start: x of the largest margin, shape (3,).
+        highest: greatest u.(p - c_k), shape (R, 3).
+        factors: coefficients of u.(p - c_k) in u.f_i are factors @ x, shape (R, 3, 3).
+        contact: contact i of each half-space, shape (R,).
+        push: the total normal force is push . x for contacts at c, shape (3,).
+        start: x of the largest margin at c, shape (3,).
     """
 
     nominal: Array
@@ -217,17 +218,17 @@ class _Search:
     start: Array
 
     def loss(self, x: Array) -> Array:
-        """What u.f_i may lose in the regions is loss . x near x, shape (R, 3)."""
+        """Returns the greatest loss of u.f_i in the regions: loss . x near x, shape (R, 3)."""
         at_worst = np.where(times(self.factors, x) > 0, self.lowest, self.highest)
         loss: Array = -np.einsum("rk,rkx->rx", at_worst, self.factors)
         return loss
 
     def maximum(self, *, as_scale: bool) -> tuple[Array, float] | None:
-        """Finds the x that bears the regions enlarged most, or is most inside its cones in them.
+        """Finds the x that allows the largest scale of the regions, or has the most room in them.
 
         Returns:
-            x as it is printed, with normal forces of sum 1, and the scale that it bears or its
-            room; None where there is none.
+            x, rounded and with total normal force 1, and that scale or room; None if neither is
+            positive.
         """
         x = best = self.start
         most = -np.inf
@@ -249,7 +250,7 @@ class _Search:
                 break
             kept = np.argsort(room, kind="stable")[:_KEPT]
             rows, losses = rows[kept], losses[kept]
-        # The best may leave one contact without any force, which then is in no cone.
+        # The best x may leave one contact without force, and zero is strictly inside no cone.
         tried = [self._printed(best + part * (self.start - best)) for part in _STEPS_BACK]
         reached = [float(self._value(x, as_scale).min()) for x in tried]
         k = int(np.argmax(reached))
@@ -269,7 +270,7 @@ class _Search:
         return value
 
     def _most_room(self, planes: Array, weights: Array) -> tuple[Array, Array]:
-        """The x of the largest min of planes . x / weights, and these quotients, for _KEPT + 3."""
+        """Maximises the least of planes . x / weights; returns x and these _KEPT + 3 quotients."""
         across = _across(self.push)
         span = _BOUND * float(np.sqrt(dot(self.start, self.start)))
         offset = np.concatenate([times(planes, self.start), np.full(4, span)])
@@ -288,7 +289,7 @@ class _Search:
 
 
 def _across(push: Array) -> Array:
-    """Two unit vectors across a vector and each other, as rows."""
+    """Returns two unit vectors orthogonal to a vector and to each other, as rows."""
     first = unit(cross(push, np.eye(3)[np.abs(push).argmin()]))
     return np.stack([first, unit(cross(push, first))])
 
@@ -301,7 +302,7 @@ def _search(
     tilt_error: float,
     friction_error: float,
 ) -> _Search | None:
-    """None where the errors leave no friction, or no x for the contacts themselves."""
+    """Prepares the search; None if the errors leave no friction, or no x for nominal contacts."""
     if not (0 <= tilt_error <= MAX_TILT and 0 <= friction_error < 1):
         return None
     left = [

@@ -1,8 +1,8 @@
-"""Finds what `exact` checks: internal forces, the least friction, the twist of an escape.
+"""Finds internal forces, the least friction and escaping twists, for `exact` to check.
 
-Small second-order cone programs, solved by Clarabel by name: which solver Drake would choose
-depends on the machine's licences. A solver's optimum decides nothing (it is 1e-8 on the boundary
-of force closure and 0.75 for collinear contacts); only what passes the exact check is returned
+These are small second-order cone programs, solved by Clarabel by name, because Drake's own choice
+of a solver depends on the machine's licences. A solver's optimum decides nothing: it is 1e-8 on the
+boundary of force closure and 0.75 for collinear contacts. Only what passes the exact check counts
 as a proof.
 """
 
@@ -26,25 +26,26 @@ from drake_polygrasp.vectors import dot, product, unit
 from drake_polygrasp.wrenches.contacts import contact_frames, contact_triangle, edge_forces
 
 MU_FLOOR = 1e-4
-"""Ours: less friction than this is reported as none; near it the exact check's own room counts."""
+"""Our choice: less friction than this is reported as 0; below it the room that the exact check
+demands inside the cone would matter."""
 _MU_STEP = 1.0 + 1e-4
-"""Ours: the least friction is found when it falls by a factor of less."""
+"""Our choice: the iteration ends when the friction falls by a smaller factor."""
 _MAX_STEPS = 50
-"""Ours: 2 to 5 are usual; the friction falls at every step."""
+"""Our choice: most iterations; 2 to 5 are usual, and the friction falls at each."""
 _ROOM = 1.1e-9
-"""Ours: a little more than the exact check asks for, so that rounding does not matter."""
+"""Our choice: a little more room than the exact check demands, to allow for rounding."""
 _RESOLVED_DIGITS = 6
-"""Ours: Clarabel stops when its optimum is known to 1e-8; of where it is fewer digits are."""
+"""Our choice: Clarabel stops when the optimum is known to 1e-8, and its place to fewer digits."""
 _TWIST_DIGITS = 9
-"""Ours: an escaping twist may have no room, and what stands for 0 in it must be 0."""
+"""Our choice: an escaping twist may have no room, so its rounding errors must become zeros."""
 _ZEROS, _ONE = np.zeros(3), np.ones(1)
 
 
 class _MarginProgram:
-    """Maximise t over (x, t): nhat.f - |f - (nhat.f) nhat| / mu >= share t, sum of nhat.f = 1.
+    """The program for the internal force of the greatest margin, built once for many grasps.
 
-    f are the edge forces of x, so the program depends on the contacts by coefficients alone and
-    is built once for many grasps.
+    It maximises t over (x, t), nhat.f - |f - (nhat.f) nhat| / mu >= share t, sum of nhat.f = 1. The
+    forces f are the edge forces of x; contacts change only coefficients.
     """
 
     def __init__(self) -> None:
@@ -63,13 +64,16 @@ class _MarginProgram:
         self._program.AddLinearCost(-self._x_t[3])
 
     def solve(self, rows: Array, mu: Array, share: Array) -> Array:
-        """The x of the largest t, NaN where there is none, for M triangles of unit size, (M, 3).
+        """Solves the program for M contact triangles of unit size.
 
         Args:
-            rows: each contact's (nhat, t_1, t_2) components of the edge forces of unit x, shape
+            rows: components (nhat, t_1, t_2) at each contact of the edge forces of unit x, shape
                 (M, 3 contacts, 3 components, 3).
             mu: friction coefficients, shape (M, 3).
-            share: of t at each contact, shape (M, 3).
+            share: share of t at each contact, shape (M, 3).
+
+        Returns:
+            The x of the greatest t, shape (M, 3); NaN if the solver finds none.
         """
         A = np.zeros((len(rows), 3, 3, 4))
         A[..., :3] = rows
@@ -90,22 +94,23 @@ class _MarginProgram:
 
 
 def _edge_rows(p_BC: Array, nhat_TB_B: Array) -> tuple[Array, Array]:
-    """The edge forces of unit x in contact frames, for triangles of unit size.
+    """Computes the edge forces of unit x in contact frames, for triangles scaled to unit size.
 
     Returns:
-        Shape (M, 3 contacts, 3 components, 3), and the triangles' sizes [m], shape (M,).
+        The forces, shape (M, 3 contacts, 3 components, 3), and the triangles' sizes [m], shape
+        (M,).
     """
     p, size = contact_triangle(p_BC)
-    # One triangle and x after another, each with all three units.
+    # Each triangle is repeated for the three unit vectors x.
     forces = edge_forces(np.repeat(p, 3, axis=0), np.tile(np.eye(3), (len(p), 1)))
     forces = np.moveaxis(forces.reshape(-1, 3, 3, 3), 1, -1)
     return product(contact_frames(p_BC, nhat_TB_B), forces), size
 
 
 def _printable(x: Array, rows: Array, size: Array) -> Array:
-    """The x [1/m] of the triangles as they are, from unit size: normal forces of sum 1, (M, 3).
+    """Rescales and rounds the x of unit triangles: total normal force 1 [1/m], shape (M, 3).
 
-    What `_RESOLVED_DIGITS` are of is the share of each; their sum has `digits.EXACT`.
+    The ratios of the x are rounded to `_RESOLVED_DIGITS`, then the scaled x to `digits.EXACT`.
     """
     rounded = np.round(x / np.abs(x).max(axis=1, keepdims=True), _RESOLVED_DIGITS)
     push = (rows[:, :, 0].sum(axis=1) * rounded).sum(axis=1)
@@ -113,7 +118,7 @@ def _printable(x: Array, rows: Array, size: Array) -> Array:
 
 
 def find_internal_forces(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Array:
-    """The internal forces of the greatest margin, for M grasps; nothing is proved of them yet.
+    """Finds the internal forces of the greatest margin for M grasps; they are not checked yet.
 
     Args:
         p_BC: contact points [m], shape (M, 3, 3).
@@ -121,8 +126,8 @@ def find_internal_forces(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Array:
         mu: friction coefficients, shape (M, 3).
 
     Returns:
-        x_12, x_13, x_23 [1/m], scaled so that all normal forces add up to 1, shape (M, 3); NaN
-        where the solver finds none.
+        x_12, x_13, x_23 [1/m] with total normal force 1, shape (M, 3); NaN if the solver finds
+        none.
     """
     rows, size = _edge_rows(p_BC, nhat_TB_B)
     share = np.full(mu.shape, 1.0 / 3.0)
@@ -130,21 +135,28 @@ def find_internal_forces(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Array:
 
 
 def friction_at(mu: Array, mu_min: float) -> Array:
-    """The friction with which `mu_min_internal_force` passes the exact check, shape (3,).
+    """Computes the friction at which `mu_min_internal_force` has to pass the exact check.
 
-    All coefficients lowered by one factor, until the greatest is `mu_min`, or `MU_FLOOR` where
-    that is more: so a `mu_min` of 0 has a witness at `MU_FLOOR`, since without friction there is
-    no force strictly inside a cone.
+    All coefficients are scaled down by one factor until the greatest is `mu_min`, or `MU_FLOOR` if
+    that is more: no force is strictly inside a cone without friction, so the proof of `mu_min` 0
+    is one at `MU_FLOOR`.
+
+    Args:
+        mu: friction coefficients, shape (3,).
+        mu_min: least friction of a certificate.
+
+    Returns:
+        The lowered coefficients, shape (3,).
     """
     greatest = float(mu.max())
     return frozen(mu * (min(max(mu_min, MU_FLOOR), greatest) / greatest))
 
 
 def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[float, Array]:
-    """How little friction would still do.
+    """Finds the least friction, all coefficients scaled by one factor, that keeps force closure.
 
-    An internal force has a friction that it needs, and the one of the greatest margin there needs
-    less: so the friction falls to the least, as fast as Newton's method does (Dinkelbach, 1967).
+    Each internal force needs some friction, and the one of the greatest margin at that friction
+    needs less. This iteration converges to the least as fast as Newton's method (Dinkelbach, 1967).
 
     Args:
         p_BC: contact points [m], shape (3, 3).
@@ -153,8 +165,9 @@ def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[
         x: an internal force that proves the grasp with `mu` [1/m], shape (3,).
 
     Returns:
-        mu_min, the greatest coefficient then, 0 below `MU_FLOOR`; and the internal force that
-        proves the grasp with `friction_at(mu, mu_min)` [1/m], shape (3,), exactly checked.
+        mu_min, the greatest of the scaled coefficients, or 0 below `MU_FLOOR`; and the internal
+        force [1/m], shape (3,), that proves the grasp at `friction_at(mu, mu_min)`, exactly
+        checked.
     """
     rows, size = _edge_rows(p_BC[None], nhat_TB_B[None])
     program, greatest = _MarginProgram(), float(mu.max())
@@ -163,7 +176,7 @@ def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[
     for _ in range(_MAX_STEPS):
         if mu_min <= MU_FLOOR:
             break
-        # In shares of the forces at hand t counts friction alike at all contacts.
+        # With these shares, t lowers the friction needed at all contacts by one factor.
         share = size * dot(rows[..., 0, :], witness)
         force = _printable(program.solve(rows, friction_at(mu, tried)[None], share), rows, size)[0]
         needed = _friction_needed(rows[0], mu, force)
@@ -180,7 +193,7 @@ def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[
 
 
 def _friction_needed(rows: Array, mu: Array, x: Array) -> float:
-    """The greatest coefficient with which x passes the exact check, all lowered by one factor."""
+    """Scales all coefficients to the least with which x passes; returns the greatest of them."""
     f = dot(rows, x)
     if not (f[:, 0] > 0.0).all():
         return math.inf
@@ -190,14 +203,14 @@ def _friction_needed(rows: Array, mu: Array, x: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Escape:
-    """A twist along which no contact force does negative work: how the object leaves a grasp.
+    """A twist along which no contact force does negative work, so that the object can leave.
 
     Attributes:
-        twist: (omega, v_Bo) [rad/s, m/s], expressed in B, as in Drake's SpatialVelocity, shape
-            (6,).
-        hinge: where the object turns about the line through two contacts, from the first to the
-            second: what `exact.check_escaping_hinge` takes. Elsewhere `exact.check_escaping_twist`
-            takes the twist.
+        twist: (omega, v_Bo) [rad/s, m/s], expressed in B, in the order of Drake's SpatialVelocity,
+            shape (6,).
+        hinge: indices of two contacts if the object turns about the line from the first to the
+            second, which `exact.check_escaping_hinge` checks; None for other twists, which
+            `exact.check_escaping_twist` checks.
     """
 
     twist: Array
@@ -205,15 +218,17 @@ class Escape:
 
 
 def find_escape(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Escape | None:
-    """How the object can leave three contacts, exactly checked; None where nothing is found.
+    """Finds a twist along which the object can leave three contacts.
 
-    A grasp is not force closure iff there is such a twist (Ferrari & Canny's W then has the
-    origin outside or on its boundary).
+    A grasp is not force closure iff there is one: then the origin is not strictly inside W.
 
     Args:
         p_BC: contact points [m], shape (3, 3).
         nhat_TB_B: inward unit normals, shape (3, 3).
         mu: friction coefficients, positive, shape (3,).
+
+    Returns:
+        The twist, exactly checked; None if none is found.
     """
     contacts = p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist()
     for i, j in itertools.permutations(range(3), 2):
@@ -231,15 +246,17 @@ def find_escape(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Escape | None:
 
 
 def _freest_twist(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Array | None:
-    """(omega, v_Bo) of the largest s, or None where the solver fails.
+    """Maximises s, nhat.u - mu |u - (nhat.u) nhat| >= s for the velocity u of each contact.
 
-    Maximise s: nhat.u - mu |u - (nhat.u) nhat| >= s for the velocity u of each contact, over
-    twists of length 1 at most in units of the contact triangle.
+    Twists have a length of at most 1 in units of the contact triangle.
+
+    Returns:
+        (omega, v_Bo) [rad/s, m/s], shape (6,); None if the solver fails.
     """
     p, size = contact_triangle(p_BC[None])
     frames = contact_frames(p_BC[None], nhat_TB_B[None])[0]
     frames[:, 1:] *= mu[:, None, None]
-    # e.u = (p x e).omega + e.v for a velocity's component along e.
+    # The component of a velocity u along e is e.u = (p x e).omega + e.v.
     rows = np.concatenate([np.cross(p[0][:, None], frames), frames], axis=-1)
     program = MathematicalProgram()
     twist_s = program.NewContinuousVariables(7, "V")

@@ -1,20 +1,20 @@
-"""Force closure proved by three numbers, checked in exact arithmetic.
+"""Checks proofs of force closure in exact arithmetic.
 
 A frictional grasp is force closure iff its grasp map has full rank and some internal force lies
 strictly inside every friction cone (Murray, Li & Sastry, 1994, ch. 5). With three contacts that
-are not collinear every internal force pushes along the sides of the contact triangle,
+are not collinear, every internal force pushes along the sides of the contact triangle,
 
     f_1 = x_12 (p_2 - p_1) + x_13 (p_3 - p_1)
     f_2 = x_12 (p_1 - p_2) + x_23 (p_3 - p_2)
     f_3 = x_13 (p_1 - p_3) + x_23 (p_2 - p_3)
 
-and balances whatever x is. So x is the proof, and what is left to check are signs of polynomials
-in the doubles given. Each is homogeneous in p, in n and in x: all are scaled to integers, and no
-step rounds. There is no solver here and nothing but the standard library, so that one may read
-this file instead of trusting it, or run it alone: `polygrasp plan MODEL --json | python exact.py`.
+and balances for every x. So x is the proof, and checking it means finding the signs of polynomials
+in the given doubles. Each polynomial is homogeneous in p, in n and in x, so all numbers are scaled
+to integers and no step rounds. The file uses no solver and only the standard library: it can be
+read in full, or run alone as `polygrasp plan MODEL --json | python exact.py`.
 
-One x can also prove every placement of three contacts that are known only to lie in three regions,
-with normals and friction known only within bounds: `check_region` says how.
+One x can also prove all placements of three contacts in three regions, with normals and friction
+known within bounds: see `check_region`.
 """
 
 from __future__ import annotations
@@ -31,42 +31,47 @@ from typing import Any
 
 Vectors = Sequence[Sequence[float]]
 Piece = tuple[Vectors, Sequence[float], float]
-"""Corners of a convex polygon or polytope [m], the inward unit normal of the surface in it, and the
-tangent of the greatest angle between that normal and the true one anywhere in it."""
+"""A part of the surface: corners of a convex polygon or polytope that contains it [m], an inward
+unit normal, and the tangent of the greatest angle between that normal and the surface's in it."""
 
 UNIT_TOLERANCE = Fraction(1, 10**9)
-"""Our choice: how far n . n may be from 1."""
+"""Our choice: greatest difference of n . n from 1."""
 MIN_AREA_RATIO = Fraction(1, 10**3)
-"""Our choice: twice the area over the square of the longest side, at least. Collinear points,
-once turned in floating point, have a tiny area and not none."""
+"""Our choice: least ratio of twice the triangle's area to the square of its longest side. After a
+rotation in floating point, the area of collinear points is tiny but not zero."""
 INTERIOR = 1 + Fraction(1, 10**9)
-"""Our choice: the part by which (n . f)^2 must exceed its value on the cone."""
+"""Our choice: factor by which (n . f)^2 must exceed its value on the cone."""
 FLATNESS = Fraction(1, 10**6)
-"""Our choice: over a disc's radius, how far rounded corners may be from its plane."""
+"""Our choice: greatest distance of rounded corners from a disc's plane, over its radius."""
 MAX_TILT = 1.5
-"""[rad], our choice: a finger that slants more touches nothing with its tip."""
+"""Our choice: greatest tilt error [rad]; a fingertip tilted more than this does not touch."""
 _FRICTION_BITS = 64
 _LENGTH_BITS = 192
-"""Binary places of what is rounded, always to the side on which less is claimed."""
+"""Binary places of rounded friction and lengths; rounding always weakens the claim."""
 _ARCS = 1 << 12
-"""Our choice: parts of a quadrant at most; the cone is then exact to 1 in 10^7."""
+"""Our choice: most arcs in a quadrant of the cone, which is then exact to 1 in 10^7."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """An answer and, where it is no, the reason."""
+    """The result of a check.
+
+    Attributes:
+        ok: whether the proof holds.
+        reason: why it does not; empty if it does.
+    """
 
     ok: bool
     reason: str = ""
 
 
 class _RefusedError(Exception):
-    """The input is nothing to build a proof on; says why."""
+    """The input cannot be the basis of a proof; the message says why."""
 
 
 @dataclass(frozen=True)
 class _Contacts:
-    """All as integers: the numbers given times p_scale, n_scale and mu_scale."""
+    """Three contacts in integers: the given numbers times p_scale, n_scale and mu_scale."""
 
     p: list[list[int]]
     p_scale: int
@@ -77,16 +82,16 @@ class _Contacts:
 
 
 def check_contacts(p: Vectors, n: Vectors, mu: Sequence[float]) -> Check:
-    """Check what the mathematics presumes of three contacts.
+    """Checks the assumptions of the proof: finite numbers, unit normals, contacts not collinear.
 
     Args:
-        p: contact points [m], three lists of three numbers, in any one frame.
+        p: contact points [m], three lists of three numbers, in any frame.
         n: unit normals into the object, likewise.
         mu: three friction coefficients.
 
     Returns:
-        Not ok where a number is missing or not finite, a coefficient is not positive, a normal is
-        not of unit length, or the contacts are collinear or nearly so. Never raises.
+        Not ok if a number is missing or not finite, a coefficient is not positive, a normal is not
+        of unit length, or the contacts are collinear or nearly so. Never raises.
     """
     try:
         _triangle(p, n, mu)
@@ -96,17 +101,17 @@ def check_contacts(p: Vectors, n: Vectors, mu: Sequence[float]) -> Check:
 
 
 def check_force_closure(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[float]) -> Check:
-    """Check that x proves three contacts force closure.
+    """Checks that an internal force proves three contacts force closure.
 
     Args:
-        p: contact points [m], three lists of three numbers, in any one frame.
+        p: contact points [m], three lists of three numbers, in any frame.
         n: unit normals into the object, likewise.
         mu: three friction coefficients.
         x: the internal force x_12, x_13, x_23 [1/m].
 
     Returns:
-        ok only where `check_contacts` is and each edge force lies strictly inside its friction
-        cone. Not ok says that x is no proof, not that there is none. Never raises.
+        Ok only if `check_contacts` is and each f_i lies strictly inside its friction cone. If it is
+        not ok, x is no proof, but another x may be. Never raises.
     """
     try:
         contacts = _triangle(p, n, mu)
@@ -116,11 +121,18 @@ def check_force_closure(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence
 
 
 def attained_margin(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[float]) -> float:
-    """How far inside the friction cones x keeps all forces.
+    """Computes how far inside the friction cones an internal force is.
 
-    The least over contacts of 3 (n.f - |f - (n.f) n| / mu) / (sum of all n.f): 1 for three equal
-    normal forces, 0 where a force is on its cone; -inf where the input is refused or the forces
-    pull. Exact up to the last square root. Arguments as in `check_force_closure`.
+    Args:
+        p: contact points [m], three lists of three numbers, in any frame.
+        n: unit normals into the object, likewise.
+        mu: three friction coefficients.
+        x: the internal force x_12, x_13, x_23 [1/m].
+
+    Returns:
+        The least over contacts of 3 (n.f - |f - (n.f) n| / mu) / (sum of all n.f), exact up to the
+        last square root: 1 for three equal normal forces, 0 if a force is on its cone, -inf if
+        `check_contacts` fails or the forces pull.
     """
     try:
         contacts = _triangle(p, n, mu)
@@ -132,9 +144,16 @@ def attained_margin(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[flo
 def check_and_margin(
     p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[float]
 ) -> tuple[Check, float]:
-    """What `check_force_closure` and `attained_margin` say, in little more than the time of one.
+    """Returns `check_force_closure` and `attained_margin`, in little more than the time of one.
 
-    Arguments as in `check_force_closure`. Never raises.
+    Args:
+        p: contact points [m], three lists of three numbers, in any frame.
+        n: unit normals into the object, likewise.
+        mu: three friction coefficients.
+        x: the internal force x_12, x_13, x_23 [1/m].
+
+    Returns:
+        The check and the margin. Never raises.
     """
     try:
         contacts = _triangle(p, n, mu)
@@ -147,7 +166,7 @@ def check_and_margin(
 def check_escaping_twist(
     p: Vectors, n: Vectors, mu: Sequence[float], v: Sequence[float], omega: Sequence[float]
 ) -> Check:
-    """Check that along a twist no contact force does negative work, so the grasp cannot hold.
+    """Checks that along a twist no contact force does negative work, so the grasp cannot hold.
 
     Args:
         p: contact points [m], three lists of three numbers, measured from the origin Bo.
@@ -157,8 +176,8 @@ def check_escaping_twist(
         omega: angular velocity [rad/s], in the same frame.
 
     Returns:
-        ok only where the twist is not zero and u_i = v + omega x p_i, for each i, makes at most
-        the angle pi/2 - arctan(mu_i) with n_i, or is zero. Never raises.
+        Ok only if the twist is not zero and each velocity u_i = v + omega x p_i is zero or at an
+        angle of at most pi/2 - arctan(mu_i) from n_i. Never raises.
     """
     try:
         contacts = _contacts(p, n, mu)
@@ -177,20 +196,20 @@ def check_escaping_twist(
 def check_escaping_hinge(
     p: Vectors, n: Vectors, mu: Sequence[float], hinge: tuple[int, int]
 ) -> Check:
-    """Check that no contact force resists turning about the line through two contacts.
+    """Checks that no contact force resists rotation about the line through two contacts.
 
-    So an object escapes that two contacts can squeeze while the third adds nothing. The two must
-    then stay where they are, which no twist of doubles grants them exactly.
+    An object escapes this way if two contacts can squeeze it and the third adds nothing. The two
+    contacts on the axis must have velocity zero, which a twist in doubles cannot give exactly.
 
     Args:
-        p: contact points [m], three lists of three numbers, in any one frame.
+        p: contact points [m], three lists of three numbers, in any frame.
         n: unit normals into the object, likewise.
         mu: three friction coefficients.
-        hinge: two different indices, 0 to 2; the angular velocity points from the first to the
-            second contact.
+        hinge: two different indices, 0 to 2; the angular velocity points from the first contact to
+            the second.
 
     Returns:
-        ok only where the velocities are as `check_escaping_twist` demands. Never raises.
+        Ok only if the velocities are as `check_escaping_twist` demands. Never raises.
     """
     try:
         contacts = _contacts(p, n, mu)
@@ -213,27 +232,26 @@ def check_region(
     tilt_error: float,
     friction_error: float,
 ) -> Check:
-    """Check that x proves force closure for every placement of three contacts in three regions.
+    """Checks that an internal force proves all placements of three contacts in three regions.
 
-    f_i is affine in the contact points, a friction cone is convex, and x balances whatever the
-    points are. So where f_i is strictly inside the cone of a piece for contact i at each of its
-    corners and the other contacts at each corner of their regions, it is inside for every placement
-    between. On an edge between pieces a fingertip's normal is a combination of theirs, and the
-    normals within a given angle of f_i form a convex cone too. No placement is collinear: of three
-    collinear points one is between the other two, but a slab separates each region from the other
-    two.
+    f_i is affine in the contact points, a friction cone is convex, and x balances for all points.
+    So if f_i is strictly inside the cone of a piece with contact i at each of its corners and the
+    other contacts at each corner of their regions, it is inside for all placements between them. On
+    an edge between pieces a fingertip's normal is a combination of theirs, and the normals within a
+    given angle of f_i form a convex cone too. No placement is collinear: of three collinear points
+    one is between the other two, but a slab separates each region from the other two.
 
     Args:
         regions: three lists of pieces; a contact is in the convex hull of the corners of one.
         mu: three friction coefficients.
         x: the internal force x_12, x_13, x_23 [1/m].
-        tilt_error: angle by which each normal may differ from the surface's [rad].
-        friction_error: share by which each coefficient may be less, below 1.
+        tilt_error: greatest angle between each normal and the surface's, 0 to `MAX_TILT` [rad].
+        friction_error: greatest relative loss of each coefficient, at least 0 and below 1.
 
     Returns:
-        ok only where all placements, normals and coefficients within these bounds pass
-        `check_force_closure` with x. Not ok says that x is no proof, not that there is none.
-        Never raises.
+        Ok only if all placements, normals and coefficients within these bounds pass
+        `check_force_closure` with x. If it is not ok, x is no proof, but another x may be. Never
+        raises.
     """
     try:
         pieces = _pieces(regions, mu, tilt_error, friction_error)
@@ -260,20 +278,21 @@ def check_region(
 def contains_disc(
     corners: Vectors, centre: Sequence[float], normal: Sequence[float], radius: float
 ) -> Check:
-    """Check that a polygon contains a disc about a contact along its face.
+    """Checks that a polygon contains a disc about a contact in its face.
 
-    Every edge, seen along the normal, passes the centre on its left at a distance of `radius` or
-    more, so the polygon winds about every point of the disc, which its hull then contains.
+    Each edge, seen along the normal, must have the centre on its left at a distance of `radius` or
+    more. Then the polygon winds about every point of the disc, and its hull contains the disc.
 
     Args:
-        corners: of the polygon, counter-clockwise about the normal [m].
-        centre: the contact point [m].
+        corners: corners of the polygon, counter-clockwise about the normal [m], lists of three
+            numbers.
+        centre: contact point [m], in the same frame.
         normal: unit normal of the face.
-        radius: of the disc [m]; at 0 a centre that is a corner is enough.
+        radius: radius of the disc [m]; 0 if the centre may also be a corner.
 
     Returns:
-        ok only where that holds and each corner is on the plane of the disc, to `FLATNESS` of its
-        radius for the rounding of coordinates. Never raises.
+        Ok only if that holds and each corner is on the plane of the disc within `FLATNESS` times
+        its radius, for the rounding of coordinates. Never raises.
     """
     try:
         points, scale = _integers([_numbers(centre, "centre"), *_rows(corners, "corners", None)])
@@ -304,20 +323,20 @@ def contains_disc(
 def narrowed_friction(
     mu: float, tilt_error: float, friction_error: float, tan_spread: float = 0.0
 ) -> Fraction:
-    """Friction that is left about a stated normal when all errors are at their worst.
+    """Bounds from below the friction that errors leave about a stated normal.
 
     A force within arctan m' of the normal, m' = (m - T) / (1 + m T), is within arctan m of every
-    normal that differs by an angle of tangent T, because arctan m' = arctan m - arctan T. So T is
-    taken from m = (1 - friction_error) mu for the tilt, then for the spread.
+    normal that differs by an angle of tangent T, because arctan m' = arctan m - arctan T. This
+    narrows m = (1 - friction_error) mu for the tilt and then for the spread.
 
     Args:
         mu: friction coefficient.
-        tilt_error: angle between a normal and the surface's, at most [rad], 0 to `MAX_TILT`.
-        friction_error: share by which the coefficient may be less.
-        tan_spread: tangent of the angle between the surface's normal and the stated one, at most.
+        tilt_error: greatest angle between a normal and the surface's, 0 to `MAX_TILT` [rad].
+        friction_error: greatest relative loss of the coefficient, at least 0 and below 1.
+        tan_spread: tangent of the greatest angle between the surface's normal and the stated one.
 
     Returns:
-        A lower bound; not positive where nothing is left.
+        The friction coefficient; zero or negative if no friction is left.
     """
     left = (1 - Fraction(friction_error)) * Fraction(mu)
     return _narrowed(_narrowed(left, _tangent_bound(Fraction(tilt_error))), Fraction(tan_spread))
@@ -328,10 +347,10 @@ def _narrowed(mu: Fraction, tangent: Fraction) -> Fraction:
 
 
 def _tangent_bound(angle: Fraction) -> Fraction:
-    """An upper bound of the tangent of an angle from 0 to `MAX_TILT`.
+    """Bounds the tangent of an angle from 0 to `MAX_TILT` from above, to 1 in 10^12.
 
-    The series of the sine up to a term that is added is not less than it, that of the cosine up to
-    a term that is subtracted not more; the bound is exact to 1 in 10^12.
+    The series of the sine that ends with an added term is an upper bound, that of the cosine that
+    ends with a subtracted term a lower bound.
     """
     terms = [Fraction(1)]
     for k in range(1, 22):
@@ -366,7 +385,7 @@ def _margin(contacts: _Contacts, forces: list[list[int]]) -> float:
         for n_i, f_i, mu_i, push_i in zip(contacts.n, forces, contacts.mu, push, strict=True):
             n_n = _dot(n_i, n_i)
             sideways = unit * (_dot(f_i, f_i) * n_n - push_i**2)
-            # The quotient of two integers, however long they are, is rounded once.
+            # Python rounds the quotient of two integers once, however long they are.
             slip = math.sqrt(sideways / (n_n * (total * mu_i) ** 2))
             margins.append(3 * (push_i / total - slip))
     except OverflowError:
@@ -408,12 +427,12 @@ def _triangle(p: Vectors, n: Vectors, mu: Sequence[float]) -> _Contacts:
 
 @dataclass(frozen=True)
 class _Piece:
-    """All as integers: points on one scale for all pieces, the normal on a scale of its own."""
+    """A piece in integers: points on one scale for all pieces, the normal on a scale of its own."""
 
     p: list[list[int]]
     n: list[int]
     mu: int
-    """What is left of the friction, in units of 2**-_FRICTION_BITS."""
+    """Friction that the errors leave, in units of 2**-_FRICTION_BITS."""
 
 
 def _pieces(
@@ -460,20 +479,20 @@ def _unit_normal(normal: Any, i: int) -> list[int]:
 
 
 def _strictly_less(mu: Fraction) -> int:
-    """Friction m such that (1 + m^2) INTERIOR <= 1 + mu^2, in units of 2**-_FRICTION_BITS."""
+    """Returns friction m with (1 + m^2) INTERIOR <= 1 + mu^2, in units of 2**-_FRICTION_BITS."""
     return math.floor((mu - (INTERIOR - 1) * (1 + mu * mu) / mu) * (1 << _FRICTION_BITS))
 
 
 def _refuse_near_line(corners: list[list[list[int]]]) -> None:
-    """Refuse regions that are not each behind a slab from the other two.
+    """Refuses regions unless a slab separates each from the other two.
 
-    The height of a triangle over its longest side is at least the thickness of the slab of the
-    contact that is opposite, so that 2 area / side^2 is at least thickness / side.
+    The height of a contact triangle over its longest side is at least the thickness of the slab of
+    the opposite contact, so 2 area / side^2 is at least thickness / side.
     """
     pairs = ((0, 1), (0, 2), (1, 2))
     sides = [_minus(b, a) for i, j in pairs for a in corners[i] for b in corners[j]]
     longest = max(_dot(side, side) for side in sides)
-    # Of each region the mean of its corners, all times one number.
+    # The mean corner of each region, times one number for all.
     count = math.prod(len(region) for region in corners)
     means = [
         [sum(c) * (count // len(region)) for c in zip(*region, strict=True)] for region in corners
@@ -489,12 +508,13 @@ def _refuse_near_line(corners: list[list[list[int]]]) -> None:
 
 
 def _is_inside(piece: _Piece, factors: list[int], places: list[list[list[int]]]) -> bool:
-    """Whether every sum over k of factor_k times a corner of places_k is inside piece's cone.
+    """Tells whether all sums over k of factor_k times a corner of places_k are in a piece's cone.
 
-    f is inside where mu n . f + t . f > 0 for each tangent t as long as n. A quadrant's t from
-    angle 2 arctan(a) to 2 arctan(b) are in a triangle with the meeting point of the circle's
-    tangents there, and a linear function that is positive at such points all round is positive on
-    the circle. Where one is not the arc is cut in two, unless the circle itself tells.
+    f is inside if mu n . f + t . f > 0 for each tangent t as long as n. An arc of the circle of t,
+    from angle 2 arctan(a) to 2 arctan(b), lies in the triangle of its ends and the point where the
+    circle's tangents at them meet. A linear function that is positive at all such points is
+    positive on the circle. An arc whose point fails is halved, unless the function is not positive
+    at its middle.
     """
     n = piece.n
     axis = [0, 0, 0]
@@ -502,7 +522,7 @@ def _is_inside(piece: _Piece, factors: list[int], places: list[list[list[int]]])
     e_1 = _cross(n, axis)
     frame = [[c * (piece.mu << (_LENGTH_BITS - _FRICTION_BITS)) for c in n]]
     for tangent in (e_1, _cross(n, e_1)):
-        # Times this over 2**_LENGTH_BITS it is a hair longer than n.
+        # The tangent times stretch / 2**_LENGTH_BITS is a hair longer than n.
         stretch = math.isqrt((_dot(n, n) << (2 * _LENGTH_BITS)) // _dot(tangent, tangent)) + 1
         frame.append([c * stretch for c in tangent])
     seen = [[[_dot(axis, p) for axis in frame] for p in corners] for corners in places]
@@ -535,7 +555,7 @@ def _distinct(points: list[list[int]]) -> list[list[int]]:
 
 
 def _edge_forces(contacts: _Contacts, x: Sequence[float]) -> list[list[int]]:
-    """The three forces, times p_scale and the common denominator of x."""
+    """Returns f_1, f_2, f_3 times p_scale and the common denominator of x."""
     p = contacts.p
     ((x_12, x_13, x_23),), _ = _integers([_numbers(x, "x")])
     along_12 = [x_12 * d for d in _minus(p[1], p[0])]
@@ -549,14 +569,14 @@ def _edge_forces(contacts: _Contacts, x: Sequence[float]) -> list[list[int]]:
 
 
 def _rows(values: Any, name: str, count: int | None = 3) -> list[list[float]]:
-    """Vectors, `count` of them, or one at least where that is None."""
+    """Reads `count` vectors, or at least one if that is None."""
     if not isinstance(values, list | tuple) or not values or len(values) != (count or len(values)):
         raise _RefusedError(f"{name} is not {'three' if count else 'a list of'} vectors")
     return [_numbers(row, name) for row in values]
 
 
 def _numbers(values: Any, name: str) -> list[float]:
-    """Three finite doubles, the nearest to the numbers given."""
+    """Reads three finite doubles, the nearest to the given numbers."""
     if not isinstance(values, list | tuple) or len(values) != 3:
         raise _RefusedError(f"{name} is not made of three numbers each")
     return [_number(value, name) for value in values]
@@ -575,14 +595,14 @@ def _number(value: Any, name: str) -> float:
 
 
 def _integers(rows: list[list[float]]) -> tuple[list[list[int]], int]:
-    """The rows times the least power of two that makes all their numbers integers, and that."""
+    """Returns the rows times the least power of two that makes them integers, and that power."""
     ratios = [[v.as_integer_ratio() for v in row] for row in rows]
     scale = max(denominator for row in ratios for _, denominator in row)
     return [[a * (scale // b) for a, b in row] for row in ratios], scale
 
 
 def _sign(a: int, ratio: Fraction, b: int) -> int:
-    """A number of the sign of a - ratio b; arithmetic of fractions would seek common divisors."""
+    """Returns a number of the sign of a - ratio b, without the common divisors of fractions."""
     return a * ratio.denominator - ratio.numerator * b
 
 
@@ -603,7 +623,7 @@ def _cross(a: list[int], b: list[int]) -> list[int]:
 
 
 def _check_stated_region(grasp: dict[str, Any]) -> Check:
-    """Check the region of a grasp as grasp files state it."""
+    """Checks the region of a grasp, as grasp files state it."""
     region, contacts = grasp["region"], grasp["contacts"]
     normals = [contact["nhat_TB_B"] for contact in contacts]
     if "pieces" in region:
@@ -622,10 +642,10 @@ def _check_stated_region(grasp: dict[str, Any]) -> Check:
 
 
 def main() -> int:
-    """Judge every grasp of a plan in JSON on standard input, and its region where it has one.
+    """Checks every grasp of a plan in JSON on standard input, and its region if it has one.
 
     Returns:
-        0 when there are grasps and all hold, 1 when not, 2 when the input is no plan.
+        The exit code: 0 if there are grasps and all hold, 1 if not, 2 if the input is no plan.
     """
     try:
         grasps = json.load(sys.stdin)["grasps"]
@@ -657,7 +677,7 @@ if __name__ == "__main__":
         code = main()
         sys.stdout.flush()
     except BrokenPipeError:
-        # Who closes the pipe has read enough; Python would flush once more, and complain.
+        # The reader has closed the pipe; Python would flush once more at exit, and complain.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 1
     sys.exit(code)

@@ -1,8 +1,8 @@
-"""Which contact forces hold an object against a load: exact friction cones, one small program.
+"""Computes contact forces that hold an object against a load, within the exact friction cones.
 
-Of all forces in the cones whose wrench cancels the load's and whose normal parts add up to the
-squeeze, those farthest inside the cones. That such forces exist is what force closure promises; a
-hand must still find them.
+Of all forces in the cones that balance the load and whose normal parts add up to the squeeze, it
+finds those farthest inside the cones. Force closure says that there are such forces for a large
+enough squeeze; a hand must still apply them.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from drake_polygrasp.wrenches.support import cone_wrenches
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Contact forces that hold an object against K loads, each with one total normal force.
+    """Contact forces that hold an object against K loads, with one total normal force for all.
 
     Attributes:
         squeeze: total normal force [N].
-        wrench_B: the loads: force [N] and torque about the centre of mass [N m], shape (K, 6).
+        wrench_B: loads, force [N] and torque about the centre of mass [N m], shape (K, 6).
         f_Bc_B: forces on B at the contacts [N], shape (K, 3, 3).
-        spare_friction: the least over contacts of mu n.f less the tangential force [N], shape (K,).
+        spare_friction: least over contacts of mu n.f - |tangential f| [N], shape (K,).
     """
 
     squeeze: float
@@ -34,26 +34,37 @@ class Holding:
     spare_friction: Array
 
     def rows(self, which: slice) -> Holding:
-        """Only some of the loads."""
+        """Returns the forces for some of the loads.
+
+        Args:
+            which: slice of the K loads.
+        """
         return Holding(
             self.squeeze, self.wrench_B[which], self.f_Bc_B[which], self.spare_friction[which]
         )
 
 
 class HoldingProgram:
-    """Maximise t: n.f - |f - (n.f) n| / mu >= t / 3 for forces that balance a load.
+    """The program that finds contact forces for a load, built once for a grasp and many loads.
 
-    Forces are in units of the squeeze and torques in units of rho. Loads change the right-hand
-    side alone, so the program is built once for a grasp.
+    It maximises t, n.f - |f - (n.f) n| / mu >= t / 3 at each contact, over forces that balance the
+    load. Forces are in units of the squeeze and torques in units of squeeze times rho, so that a
+    load changes only the right-hand side.
     """
 
     def __init__(self, grasp: Grasp, p_BBcm: Array, rho: float) -> None:
-        """Of `grasp`; centre of mass p_BBcm [m], shape (3,), and torque scale rho [m]."""
+        """Builds the program.
+
+        Args:
+            grasp: three contacts.
+            p_BBcm: centre of mass [m], shape (3,).
+            rho: length by which torques are divided [m].
+        """
         self._grasp, self._rho, self._solver = grasp, rho, ClarabelSolver()
         cones = cone_wrenches(grasp.p_BC[None], grasp.nhat_TB_B[None], grasp.mu[None], p_BBcm, rho)[
             0
         ]
-        # A cone's first three columns are forces: nhat, mu t_1, mu t_2.
+        # The force parts of a cone's three wrenches: nhat, mu t_1, mu t_2.
         self._spokes = cones[:, :, :3]
         self._A = np.vstack([cones.reshape(9, 6).T, np.tile([1.0, 0.0, 0.0], 3)])
         self._program = MathematicalProgram()
@@ -69,11 +80,15 @@ class HoldingProgram:
         self._program.AddLinearCost(-self._t[0])
 
     def forces(self, wrench_B: Array, squeeze: float) -> Array | None:
-        """The forces on B at the contacts [N], shape (3, 3); None where none hold the load.
+        """Computes the contact forces farthest inside their friction cones that balance a load.
 
         Args:
-            wrench_B: the load: force [N] and torque about the centre of mass [N m], shape (6,).
+            wrench_B: load on B: force [N] and torque about the centre of mass [N m], shape (6,).
             squeeze: total normal force [N].
+
+        Returns:
+            Forces on B at the contacts [N], shape (3, 3); None if no forces in the cones balance
+            the load.
         """
         scale = squeeze * np.array([1.0, 1.0, 1.0, self._rho, self._rho, self._rho])
         self._balance.UpdateCoefficients(self._A, np.append(-wrench_B / scale, 1.0))
@@ -87,14 +102,17 @@ class HoldingProgram:
 def hold(
     grasp: Grasp, p_BBcm: Array, rho: float, wrench_B: Array, squeeze: float
 ) -> Holding | None:
-    """Forces that hold an object against every one of several loads; None where one has none.
+    """Computes contact forces that hold an object against each of several loads.
 
     Args:
         grasp: three contacts.
         p_BBcm: centre of mass [m], shape (3,).
-        rho: torque scale [m].
-        wrench_B: loads, shape (K, 6), as `HoldingProgram.forces` takes them.
+        rho: length by which torques are divided [m].
+        wrench_B: loads on B, force [N] and torque about the centre of mass [N m], shape (K, 6).
         squeeze: total normal force [N].
+
+    Returns:
+        The forces; None if some load cannot be held.
     """
     program = HoldingProgram(grasp, p_BBcm, rho)
     forces = [program.forces(wrench, squeeze) for wrench in wrench_B]
@@ -118,13 +136,14 @@ def friction_needed(
     Args:
         grasp: three contacts, whose forces hold the load at their own friction.
         p_BBcm: centre of mass [m], shape (3,).
-        rho: torque scale [m].
-        wrench_B: the load, shape (6,), as `HoldingProgram.forces` takes it.
+        rho: length by which torques are divided [m].
+        wrench_B: load on B, force [N] and torque about the centre of mass [N m], shape (6,).
         squeeze: total normal force [N].
-        tolerance: how far above the least such coefficient the result may be.
+        tolerance: greatest error of the result.
 
     Returns:
-        A coefficient with which the load is held where no contact has more.
+        A coefficient with which the load is held if no contact has more, at most `tolerance`
+        above the least one.
     """
     low, high = 0.0, float(grasp.mu.max())
     while high - low > tolerance:
@@ -136,9 +155,14 @@ def friction_needed(
 
 
 def spare_friction(grasp: Grasp, f_Bc_B: Array) -> Array:
-    """How much more tangential force the contact that has least could take [N], shape (...).
+    """Computes how much more tangential force the contact nearest to slipping could bear.
 
-    Of forces f_Bc_B [N], shape (..., 3, 3).
+    Args:
+        grasp: three contacts.
+        f_Bc_B: forces on B at the contacts [N], shape (..., 3, 3).
+
+    Returns:
+        The least over contacts of mu n.f - |tangential f| [N], shape (...).
     """
     push = normal_forces(grasp, f_Bc_B)
     sideways = f_Bc_B - push[..., None] * grasp.nhat_TB_B
@@ -146,5 +170,13 @@ def spare_friction(grasp: Grasp, f_Bc_B: Array) -> Array:
 
 
 def normal_forces(grasp: Grasp, f_Bc_B: Array) -> Array:
-    """The normal parts of forces [N], shape (..., 3), of f_Bc_B, shape (..., 3, 3)."""
+    """Computes the normal components of contact forces.
+
+    Args:
+        grasp: three contacts.
+        f_Bc_B: forces on B at the contacts [N], shape (..., 3, 3).
+
+    Returns:
+        n.f at each contact [N], shape (..., 3).
+    """
     return np.asarray(np.einsum("...ij,ij->...i", f_Bc_B, grasp.nhat_TB_B))

@@ -1,12 +1,11 @@
-"""How good a grasp is: intervals, not estimates, and what they buy in a user's units.
+"""Bounds epsilon, and with it the errors that a grasp withstands and the squeeze it needs.
 
-W is the convex hull of the wrenches of the three exact friction cones with normal forces that
-add up to 1, torques taken about the centre of mass and divided by rho; epsilon is the radius of
-the largest ball in it about the origin (Ferrari & Canny, 1992). A polytope spanned by points of W
-lies inside it and bounds epsilon from below; the support function of W in any direction bounds
-it from above, closely in the directions that `epsilon_bound` singles out. Adding to the polytope
-the support points of W along the normals of its nearest facets brings the two together where it
-matters.
+The wrench set W is the convex hull of the wrenches of the three exact friction cones with normal
+forces of total 1, torques taken about the centre of mass and divided by rho. epsilon is the radius
+of the largest ball about the origin in W (Ferrari & Canny, 1992). A polytope spanned by points of W
+lies inside W and bounds epsilon from below; the support function of W in any direction bounds it
+from above, closely in the directions that `epsilon_bound` finds. Support points of W along the
+normals of the polytope's nearest facets are added to it until the bounds are close.
 """
 
 from __future__ import annotations
@@ -22,22 +21,22 @@ from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 from drake_polygrasp.wrenches.support import cone_wrenches, support
 
 GRAVITY = 9.81
-"""[m/s^2]"""
+"""Acceleration of gravity [m/s^2]."""
 RELATIVE_GAP = 0.02
-"""Ours: how far apart the bounds may stay, over the upper one."""
+"""Our choice: greatest difference of the bounds, over the upper one."""
 _MAX_ROUNDS = 20
-"""Ours: 2 to 5 rounds are usual; what has not closed by now is returned as it is."""
+"""Our choice: most rounds; 2 to 5 are usual. Wider bounds are still bounds."""
 _FACETS_A_ROUND = 6
-"""Ours: a few facets at a time keep the hull small, and hulls are what costs."""
+"""Our choice: facets refined at a time; few keep the hulls, which take most time, small."""
 _TIE = 1e-9
-"""Ours, relative: what differs by less is equal but for rounding."""
+"""Our choice: relative difference up to which numbers count as equal."""
 _QHULL_ROUNDING = 1e-9
-"""Ours, times the greatest generator: what a facet may be off."""
-
+"""Our choice: error of a facet's offset, over the greatest point's length."""
 _FREE_TORQUE = 1e-6
-"""Times rho, ours: divided by so little, torques are all but free, and epsilon is r_w."""
+"""Our choice: with this fraction of rho, torques cost almost nothing and the upper bound of epsilon
+is one of r_w."""
 
-# Which part of a wrench a radius is measured in.
+# The part of a wrench in which a radius is measured.
 _WRENCH = slice(0, 6)
 _FORCE = slice(0, 3)
 
@@ -47,10 +46,11 @@ class Interval:
     """Bounds of a radius, and the polytope inside W that proves the lower one.
 
     Attributes:
-        lower: 0 where the polytope is degenerate or the origin is not inside it.
-        upper: at most this.
-        normals: outward unit facet normals w, shape (F, 6): wrenches (force, torque / rho).
-        offsets: facets w.g <= offset, shape (F,).
+        lower: lower bound; 0 if the polytope is degenerate or the origin is not inside it.
+        upper: upper bound.
+        normals: outward unit normals w of the polytope's facets, wrenches (force, torque / rho),
+            shape (F, 6).
+        offsets: offsets of the facets w.g <= offset, shape (F,).
     """
 
     lower: float
@@ -69,7 +69,7 @@ def epsilon_interval(
     at_least: float = 0.0,
     relative_gap: float = RELATIVE_GAP,
 ) -> Interval:
-    """Bounds of epsilon, the largest wrench that unit total normal force withstands anywhere.
+    """Bounds epsilon, the size of the wrench withstood in every direction by unit normal force.
 
     Args:
         p_BC: contact points [m], shape (3, 3).
@@ -77,8 +77,12 @@ def epsilon_interval(
         mu: friction coefficients, shape (3,).
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
-        at_least: stop refining once the upper bound is below this: the grasp has lost already.
-        relative_gap: how far apart the bounds may stay, over the upper one.
+        at_least: refining stops once the upper bound is below this.
+        relative_gap: refining stops once the difference of the bounds over the upper one is below
+            this.
+
+    Returns:
+        The bounds, and the polytope that proves the lower one.
     """
     contacts = p_BC[None], nhat_TB_B[None], mu[None]
     upper = epsilon_upper_bound(*contacts, p_BBcm, rho)
@@ -95,10 +99,22 @@ def squeeze_interval(
     *,
     relative_gap: float = RELATIVE_GAP,
 ) -> Interval:
-    """Bounds of r_w, the largest force through the centre of mass withstood in any direction.
+    """Bounds r_w, the force through the centre of mass withstood in every direction.
 
-    As `epsilon_interval`, for unit total normal force; without torque only the force part of a
-    facet's normal counts.
+    It is for unit total normal force, like epsilon, but only the force part of a facet's normal
+    counts.
+
+    Args:
+        p_BC: contact points [m], shape (3, 3).
+        nhat_TB_B: inward unit normals, shape (3, 3).
+        mu: friction coefficients, shape (3,).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        relative_gap: refining stops once the difference of the bounds over the upper one is below
+            this.
+
+    Returns:
+        The bounds, and the polytope that proves the lower one.
     """
     contacts = p_BC[None], nhat_TB_B[None], mu[None]
     upper = epsilon_upper_bound(*contacts, p_BBcm, _FREE_TORQUE * rho)
@@ -109,10 +125,7 @@ def squeeze_interval(
 def _radius_interval(
     cones: Array, part: slice, upper: float, at_least: float, relative_gap: float
 ) -> Interval:
-    """Bounds of min over w of h(w) / |part of w|, which is `upper` at most.
-
-    For cones of one grasp, shape (1, 3, 3, 6).
-    """
+    """Bounds the least h(w) / |part of w| over w for the cones of one grasp, (1, 3, 3, 6)."""
     points = np.concatenate(
         [cones[0, :, 0] + sign * cones[0, :, row] for row in (1, 2) for sign in (1.0, -1.0)]
     )
@@ -124,14 +137,14 @@ def _radius_interval(
         normals, offsets = facets
         h, attained = (values[0] for values in support(cones, normals[None]))
         highest = h.max(axis=1)
-        # The floor: a facet that bounds no force has no part in it and no say.
+        # A facet whose normal has no such part bounds nothing; the floor keeps its radius large.
         length = np.maximum(np.linalg.norm(normals[:, part], axis=1), _QHULL_ROUNDING)
         upper = min(upper, float((highest / length).min()))
         radius = offsets / length
         lower = max(0.0, float(radius.min()))
         if upper - lower <= relative_gap * upper:
             break
-        # With all ties, for a choice among equals would follow the frame and not the grasp.
+        # All ties count, because a choice among equals would depend on the frame.
         last = np.sort(radius)[:_FACETS_A_ROUND][-1]
         near = radius <= min(last * (1.0 + _TIE), (1.0 - relative_gap) * upper)
         tied = h >= highest[:, None] - _TIE * np.abs(highest)[:, None]
@@ -144,7 +157,7 @@ def _radius_interval(
 
 
 def _facets(points: Array) -> tuple[Array, Array] | None:
-    """Facets w.g <= offset of the hull, moved in by Qhull's rounding; None if it has no volume."""
+    """Computes the hull's facets w.g <= offset, less Qhull's rounding; None if it is flat."""
     try:
         hull = HPolyhedron(VPolytope(points.T))
     except (RuntimeError, SystemExit):  # Drake's failed assertions are SystemExit.
@@ -155,7 +168,7 @@ def _facets(points: Array) -> tuple[Array, Array] | None:
 
 
 def _with_points(points: Array, new: Array) -> Array:
-    """The points and those of the new ones that are no copies: symmetric facets share them."""
+    """Adds new points that are not copies; symmetric facets share support points."""
     distance = np.linalg.norm(new[:, None] - np.concatenate([points, new])[None], axis=-1)
     earlier = np.arange(len(points) + len(new)) < len(points) + np.arange(len(new))[:, None]
     copies = ((distance < _QHULL_ROUNDING) & earlier).any(axis=1)
@@ -165,44 +178,61 @@ def _with_points(points: Array, new: Array) -> Array:
 def placement_tolerance(
     epsilon: float, mu: Array, rho: float, edge_distance: float | None = None
 ) -> float:
-    """How far all three contacts may stray at once, along their faces, and still hold [m].
+    """Computes how far contacts may move along their faces at once and keep force closure.
 
-    A contact moved by d moves the wrenches of its cone by at most d sqrt(1 + mu^2) / rho.
+    Moving a contact by d moves the wrenches of its cone by at most d sqrt(1 + mu^2) / rho.
 
     Args:
-        epsilon: a lower bound.
+        epsilon: lower bound of epsilon.
         mu: friction coefficients, shape (3,).
-        rho: what torques are divided by [m].
-        edge_distance: least distance from a contact to an edge of its face [m], not exceeded;
-            None where no face is known.
+        rho: length by which torques are divided [m].
+        edge_distance: least distance from a contact to an edge of its face [m], which the result
+            does not exceed; None if no face is known.
+
+    Returns:
+        A distance [m]; each contact may move by less, all at once.
     """
     tolerance = epsilon * rho / math.hypot(1.0, float(mu.max()))
     return tolerance if edge_distance is None else min(tolerance, edge_distance)
 
 
 def tilt_tolerance(epsilon: float, p_BC: Array, mu: Array, p_BBcm: Array, rho: float) -> float:
-    """How far all three normals may be tilted at once and still hold [rad].
+    """Computes how far normals may tilt at once and keep force closure.
 
-    A normal tilted by theta moves the wrenches of its cone by at most
-    2 sin(theta / 2) sqrt(1 + mu^2) sqrt(1 + r^2 / rho^2), r the contact's distance from the
-    centre of mass. Arguments as in `friction_tolerance`.
+    Tilting a normal by theta moves the wrenches of its cone by at most
+    2 sin(theta / 2) sqrt(1 + mu^2) sqrt(1 + r^2 / rho^2), where r is the contact's distance from
+    the centre of mass.
+
+    Args:
+        epsilon: lower bound of epsilon.
+        p_BC: contact points [m], shape (3, 3).
+        mu: friction coefficients, shape (3,).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: length by which torques are divided [m].
+
+    Returns:
+        An angle [rad]; each normal may tilt by less, all at once.
     """
     moved = 2.0 * math.hypot(1.0, float(mu.max())) * _torque_factor(p_BC, p_BBcm, rho)
     return 2.0 * math.asin(min(1.0, epsilon / moved))
 
 
 def friction_tolerance(epsilon: float, p_BC: Array, mu: Array, p_BBcm: Array, rho: float) -> float:
-    """How much less all three friction coefficients may be at once and still hold.
+    """Computes how far friction coefficients may drop at once and keep force closure.
 
-    Friction less by d moves wrenches by at most d sqrt(1 + r^2 / rho^2). Placement, tilt and
-    friction share one epsilon: each tolerance is for that error alone.
+    A drop by d moves wrenches by at most d sqrt(1 + r^2 / rho^2), where r is the contact's distance
+    from the centre of mass. Each of the three tolerances uses all of epsilon, so it is for its kind
+    of error alone.
 
     Args:
-        epsilon: a lower bound.
+        epsilon: lower bound of epsilon.
         p_BC: contact points [m], shape (3, 3).
         mu: friction coefficients, shape (3,).
         p_BBcm: centre of mass [m], shape (3,).
-        rho: what torques are divided by [m].
+        rho: length by which torques are divided [m].
+
+    Returns:
+        A difference; each coefficient may be lower by less, all at once.
     """
     return min(epsilon / _torque_factor(p_BC, p_BBcm, rho), float(mu.min()))
 
@@ -214,10 +244,20 @@ def _torque_factor(p_BC: Array, p_BBcm: Array, rho: float) -> float:
 def squeeze_force(
     p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float, mass: float
 ) -> float | None:
-    """Total normal force that holds the weight in every orientation [N].
+    """Computes the total normal force that holds the weight in every orientation.
 
-    The weight m g acts at the centre of mass and needs m g / r_w, r_w from `squeeze_interval`'s
-    lower end; None where that is 0.
+    The weight m g acts at the centre of mass and needs m g / r_w, with the lower bound of r_w.
+
+    Args:
+        p_BC: contact points [m], shape (3, 3).
+        nhat_TB_B: inward unit normals, shape (3, 3).
+        mu: friction coefficients, shape (3,).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        mass: mass of the object [kg].
+
+    Returns:
+        The force [N]; None if the lower bound of r_w is 0.
     """
     r_w = squeeze_interval(p_BC, nhat_TB_B, mu, p_BBcm, rho).lower
     return mass * GRAVITY / r_w if r_w > 0.0 else None
