@@ -15,9 +15,7 @@ import drake_polygrasp
 PACKAGE = Path(drake_polygrasp.__file__).parent
 WAITING = {
     "certification",
-    "files",
     "geometry",
-    "loading",
     "optimality",
     "pipeline",
     "plant",

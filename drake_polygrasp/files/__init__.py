@@ -1,10 +1,11 @@
-"""The grasp file: written and read, nothing in it proved; free of Drake.
+"""Writes and reads the grasp file, without Drake and without checking that what it states is true.
 
 | file | what it holds |
 |---|---|
 | grasp_file.py | writes and reads the whole file: `save_grasps`, `load_grasps` |
-| stated_grasp.py | what a file states, as values |
-| plain_yaml.py | reads plain YAML from anyone, each refusal naming its place |
-| plan_block.py | the plan block: what repeats the plan |
-| plant_block.py | the plant block: the verdicts of a plant |
+| object_block.py | the object block: the model, and what was loaded from it |
+| plan_block.py | the plan block: the settings of the plan |
+| plant_block.py | the plant block of a grasp: the verdicts of checks in a plant |
+| stated_grasp.py | values for what a file states |
+| plain_yaml.py | reads untrusted plain YAML, with errors that name the place |
 """

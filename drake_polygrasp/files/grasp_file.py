@@ -1,14 +1,13 @@
-"""The grasp file: one YAML document per object, written by the planner and read by anyone.
+"""Writes and reads the grasp file: one YAML document per object (docs/grasp-file.md).
 
-Drake's typed YAML reads it too, but is not what writes it: it would leave `mass: null` out. Unknown
-keys are allowed, so that the format may grow.
+Drake's typed YAML can read it too, but does not write it, because it would leave out `mass: null`.
+Unknown keys are allowed on reading, so that the format can be extended.
 """
 
 from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
@@ -22,6 +21,7 @@ from drake_polygrasp.arguments import check_instance, check_items, check_path, r
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.files.object_block import object_document, read_object
 from drake_polygrasp.files.plain_yaml import Block, read_mapping
 from drake_polygrasp.files.plan_block import read_plan
 from drake_polygrasp.files.plant_block import plant_document, read_plant
@@ -29,7 +29,6 @@ from drake_polygrasp.files.stated_grasp import (
     GraspFile,
     StatedCertificate,
     StatedGrasp,
-    StatedObject,
     StatedPlan,
 )
 from drake_polygrasp.grasp import (
@@ -38,14 +37,15 @@ from drake_polygrasp.grasp import (
     GraspObject,
     GraspPlane,
     Kind,
-    ModelSource,
     Quality,
 )
 from drake_polygrasp.settings import PlanSettings
 from drake_polygrasp.wrenches.contacts import edge_forces
 
 FORMAT = "drake_polygrasp/grasps"
-VERSION = 1
+"""Value of a grasp file's key `format`."""
+_VERSION = 1
+"""Value of its key `version`."""
 
 
 def save_grasps(
@@ -54,17 +54,19 @@ def save_grasps(
     grasps: Iterable[CertifiedGrasp | StatedGrasp],
     plan_settings: PlanSettings | StatedPlan,
 ) -> None:
-    """Writes a grasp file, whole or not at all: the same arguments give the same bytes.
+    """Writes a grasp file, whole or not at all; the same arguments give the same bytes.
+
+        save_grasps("box.grasp.yaml", box, plan.grasps, plan.settings)
 
     Args:
         path: the grasp file.
-        object_: what is grasped, loaded from a file.
-        grasps: best first. What a plant said of them is written too; grasps of a file that was
-            read are written as they were stated.
-        plan_settings: what repeats the plan: `GraspPlan.settings`, or `GraspFile.plan`.
+        object_: the object that is grasped, loaded from a model file.
+        grasps: its grasps, best first, with verdicts of checks in a plant if they have any; those
+            read from a grasp file are written as they were stated.
+        plan_settings: the settings of the plan: `GraspPlan.settings`, or `GraspFile.plan`.
 
     Raises:
-        UsageError: when an argument is not what it may be.
+        UsageError: when an argument has the wrong type.
         GraspFileError: when `object_` came from no file, a number is not finite, or `path` cannot
             be written.
     """
@@ -79,14 +81,14 @@ def save_grasps(
             raise refuse(f"grasps[{i}]", grasp, "a CertifiedGrasp, as plan.grasps holds them")
     if object_.source is None:
         raise GraspFileError(
-            f"{path}: a grasp file names its model, and this object came from none; give "
+            f"{path}: a grasp file names its model, and this object came from no file; give "
             "object_from_plant the body's model_file"
         )
     document = {
         "format": FORMAT,
-        "version": VERSION,
+        "version": _VERSION,
         "generator": {"drake_polygrasp": __version__, "drake": metadata.version("drake")},
-        "object": _object_document(object_, object_.source, path.parent),
+        "object": object_document(object_, object_.source, path.parent),
         "plan": _plain(plan_settings.stated),
         "grasps": [grasp_document(grasp) for grasp in grasps],
     }
@@ -94,10 +96,12 @@ def save_grasps(
 
 
 def write_document(path: Path, document: Mapping[str, Any]) -> None:
-    """Writes a grasp file's document, whole or not at all: equal ones give the same bytes.
+    """Writes a grasp file's document, whole or not at all; equal documents give the same bytes.
 
-    Raises:
-        GraspFileError: when a number is not finite, or `path` cannot be written.
+    Args:
+        path: the grasp file.
+        document: its keys and values, in order; GraspFileError for a number that is not finite, or
+            when `path` cannot be written.
     """
     text = yaml.safe_dump(
         _plain(document), sort_keys=False, default_flow_style=None, allow_unicode=True, width=10**6
@@ -106,7 +110,14 @@ def write_document(path: Path, document: Mapping[str, Any]) -> None:
 
 
 def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:
-    """One grasp as it stands in the file: plain lists, numbers and strings."""
+    """Returns a grasp as it stands in the file.
+
+    Args:
+        certified: a planned grasp, or one read from a file.
+
+    Returns:
+        Plain dictionaries, lists, numbers and text.
+    """
     grasp, certificate = certified.grasp, certified.certificate
     if isinstance(certified, StatedGrasp):
         f_Bc_B = certified.f_Bc_B
@@ -136,23 +147,31 @@ def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:
 
 
 def load_grasps(path: Path | str) -> GraspFile:
-    """Reads a grasp file and checks its form: keys, lengths, types, finite numbers, signs.
+    """Reads a grasp file and checks its format: keys, lengths, types, finite numbers, signs.
 
-    Whether what it claims is true is not asked here: see `drake_polygrasp.verification.verify`.
+    Whether what it states is true is checked by `verify_file`.
+
+        best = load_grasps("box.grasp.yaml").grasps[0].grasp
+
+    Args:
+        path: the grasp file.
+
+    Returns:
+        What the file states.
 
     Raises:
-        UsageError: when the path is none.
-        GraspFileError: naming the file, the place in it and what is wrong there.
+        UsageError: when `path` is not a path.
+        GraspFileError: when the file cannot be read or breaks the format, naming the place.
     """
     path = Path(check_path("path", path))
     root = read_mapping(path)
     if (format_ := root.text("format")) != FORMAT:
-        raise GraspFileError(f"{path}: format is {format_!r}, not {FORMAT!r}: no grasp file")
-    if (version := root.integer("version")) != VERSION:
+        raise GraspFileError(f"{path}: format is {format_!r}, not {FORMAT!r}; not a grasp file")
+    if (version := root.integer("version")) != _VERSION:
         raise GraspFileError(
-            f"{path}: version is {version}; this drake_polygrasp reads version {VERSION}"
+            f"{path}: version is {version}; this drake_polygrasp reads version {_VERSION}"
         )
-    object_ = _read_object(root.block("object"))
+    object_ = read_object(root.block("object"))
     has_plan = "plan" in root.data
     plan = read_plan(root.block("plan"), object_.num_faces) if has_plan else StatedPlan()
     return GraspFile(
@@ -167,40 +186,10 @@ def load_grasps(path: Path | str) -> GraspFile:
 _CERTIFICATE_KEYS = tuple(StatedCertificate.__dataclass_fields__)
 
 
-def _object_document(object_: GraspObject, source: ModelSource, folder: Path) -> dict[str, Any]:
-    model_file = str(source.model_file)
-    if not model_file.startswith("package://"):
-        # Only folders are resolved: a model that is a link keeps its name.
-        model = Path(model_file)
-        absolute = model.parent.resolve() / model.name
-        model_file = Path(os.path.relpath(absolute, folder.resolve())).as_posix()
-    document: dict[str, Any] = _plain(
-        {
-            "model_file": model_file,
-            "sha256": source.sha256,
-            "model_name": source.model_name,
-            "body_name": source.body_name,
-            "mass": object_.mass,
-            "p_BBcm": object_.p_BBcm,
-            "rho": object_.rho,
-            "num_faces": len(object_.polyhedron.faces),
-        }
-    )
-    asked = {
-        "scale": source.scale,
-        "patch_angle": source.patch_angle,
-        "patch_depth": source.patch_depth,
-    }
-    document |= {key: float(value) for key, value in asked.items() if value is not None}
-    document |= {"links": list(source.links)} if source.links else {}
-    return document | ({"joints_free": True} if source.joints_free else {})
-
-
 def _plain(value: Any) -> Any:
-    """`value` with NumPy's types and tuples replaced by Python's floats and lists.
+    """Returns a value with NumPy's types and tuples replaced by Python's floats and lists.
 
-    Raises:
-        GraspFileError: for a number that is not finite, and what else the format does not know.
+    Raises GraspFileError for a number that is not finite, and for types that the format lacks.
     """
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
@@ -216,6 +205,7 @@ def _plain(value: Any) -> Any:
 
 
 def _write_whole(path: Path, text: str) -> None:
+    """Writes a file beside the old one and then replaces that, so that it is never half written."""
     if path.exists() and not path.is_file():
         raise GraspFileError(f"{path}: cannot be written: it is not a regular file")
     scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
@@ -226,61 +216,6 @@ def _write_whole(path: Path, text: str) -> None:
         raise GraspFileError(f"{path}: cannot be written: {error.strerror}") from error
     finally:
         scratch.unlink(missing_ok=True)
-
-
-def _read_object(block: Block) -> StatedObject:
-    sha256 = block.text("sha256")
-    if not re.fullmatch("[0-9a-f]{64}", sha256):
-        raise block.refuse("sha256", "64 hexadecimal digits")
-    return StatedObject(
-        model_file=block.text("model_file"),
-        sha256=sha256,
-        model_name=block.text("model_name"),
-        body_name=block.text("body_name"),
-        mass=None if block.get("mass") is None else block.number("mass", "positive"),
-        p_BBcm=block.vector("p_BBcm"),
-        rho=block.number("rho", "positive"),
-        num_faces=block.integer("num_faces"),
-        patch_angle=_read_patch_tolerance(block, "patch_angle", below=math.pi / 2),
-        patch_depth=_read_patch_tolerance(block, "patch_depth", below=math.inf),
-        links=_read_links(block),
-        joints_free=_read_joints_free(block),
-        scale=_read_scale(block),
-    )
-
-
-def _read_scale(block: Block) -> float | None:
-    if "scale" not in block.data:
-        return None
-    scale = block.number("scale", "positive")
-    if not block.text("model_file").lower().endswith(".obj"):
-        raise block.refuse("scale", "left out: only .obj models have one")
-    return scale
-
-
-def _read_links(block: Block) -> tuple[str, ...] | None:
-    if "links" not in block.data:
-        return None
-    links = block.items("links")
-    if len(links) < 2 or not all(isinstance(name, str) and name for name in links):
-        raise block.refuse("links", "a list of the names of two links or more")
-    return tuple(links)
-
-
-def _read_joints_free(block: Block) -> bool:
-    value = block.data.get("joints_free", False)
-    if not isinstance(value, bool):
-        raise block.refuse("joints_free", "true or false")
-    return value
-
-
-def _read_patch_tolerance(block: Block, key: str, below: float) -> float | None:
-    if key not in block.data:
-        return None
-    tolerance = block.number(key, "positive")
-    if tolerance >= below:
-        raise block.refuse(key, f"a number below {below:.3g}")
-    return tolerance
 
 
 def _read_grasp(block: Block, tip_radius: float | None) -> StatedGrasp:

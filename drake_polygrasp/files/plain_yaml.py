@@ -1,8 +1,8 @@
-"""Reads plain YAML from anyone: mappings, sequences and scalars, each refusal naming its place.
+"""Reads untrusted files of plain YAML: mappings, sequences and scalars, with errors by place.
 
-Drake's typed YAML lets the second of two equal keys win, takes the text "0.3" for a number and
-says nothing of missing keys, so PyYAML, on which Drake depends, composes the nodes, and only plain
-data is made of them. Tags and aliases are refused: no file can run code or grow on being read.
+Drake's typed YAML accepts repeated keys, takes the text "0.3" for a number and does not report
+missing keys. Here PyYAML, on which Drake depends, composes the nodes, and only plain data is made
+of them. Tags and aliases are refused, so that no file can run code or expand when it is read.
 """
 
 from __future__ import annotations
@@ -22,20 +22,26 @@ from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.input_file import read_bytes
 
 MAX_BYTES = 4_000_000
-"""Ours: some two thousand grasps; what is larger is no grasp file."""
+"""Greatest size of a grasp file. Our choice: some two thousand grasps."""
 _PLAIN_TAGS = [f"tag:yaml.org,2002:{kind}" for kind in ("map", "seq", "str")]
-Sign = Literal["any", "positive", "zero or positive"]
+_Sign = Literal["any", "positive", "zero or positive"]
 
 
 def read_mapping(path: Path) -> Block:
-    """The document in a file, which must be a mapping.
+    """Reads a file whose document is a mapping.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The mapping.
 
     Raises:
-        GraspFileError: when it cannot be read, is too large, or is not plain YAML.
+        GraspFileError: when it cannot be read, is too large, or is not a mapping in plain YAML.
     """
     text = _read_text(path)
     try:
-        # Without a resolver every tag but the three defaults was written by hand.
+        # BaseLoader resolves no tags, so any but these three is written in the file.
         node = yaml.compose(text, Loader=yaml.BaseLoader)
         return Block(None if node is None else _value(node, set()), f"{path}: ")
     except (yaml.YAMLError, ValueError) as error:
@@ -52,7 +58,7 @@ def _read_text(path: Path) -> str:
 
 
 def _value(node: yaml.Node, seen: set[int]) -> Any:
-    """The plain value of a node; ValueError where there is none."""
+    """Returns the plain value of a node, which must not be in `seen`; ValueError for other YAML."""
     line = node.start_mark.line + 1
     if id(node) in seen:
         raise ValueError(f"line {line}: an alias refers to this value; write it out")
@@ -69,7 +75,7 @@ def _value(node: yaml.Node, seen: set[int]) -> Any:
         if not isinstance(key, yaml.ScalarNode):
             raise ValueError(f"line {line}: a key must be a word")
         _value(key, seen)
-        # Other readers would take over the keys of what stands there.
+        # Other readers would merge the keys of its value into this mapping.
         if key.value == "<<":
             raise ValueError(f"line {line}: the key '<<' is no part of the format")
         if key.value in mapping:
@@ -79,14 +85,14 @@ def _value(node: yaml.Node, seen: set[int]) -> Any:
 
 
 _WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
-# No zeros lead: to some readers 010 is 8.
+# Without leading zeros, since some readers take 010 for 8.
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NON_FINITE = re.compile(r"[-+]?\.(nan|inf)", re.IGNORECASE)
 
 
 def _scalar(text: str) -> bool | int | float | str | None:
-    """An unquoted scalar in YAML 1.2's core schema (less octal and hexadecimal integers)."""
+    """Returns an unquoted scalar by YAML 1.2's core schema, without octal and hexadecimal."""
     if text in _WORDS:
         return _WORDS[text]
     if _INTEGER.fullmatch(text):
@@ -99,7 +105,16 @@ def _scalar(text: str) -> bool | int | float | str | None:
 
 
 class Block:
-    """A mapping of a file, read key by key; every refusal is a GraspFileError naming the place."""
+    """A mapping of a file, whose values are checked as they are read.
+
+    Args:
+        data: the mapping; a GraspFileError is raised if it is anything else.
+        where: where it is in the file, for messages: "box.grasp.yaml: object.".
+
+    Attributes:
+        data: the mapping.
+        where: where it is in the file.
+    """
 
     def __init__(self, data: object, where: str) -> None:
         if not isinstance(data, dict):
@@ -108,17 +123,34 @@ class Block:
         self.where = where
 
     def get(self, key: str) -> Any:
-        """Whatever stands at `key`, which must be there."""
+        """Returns a value of any kind.
+
+        Args:
+            key: its key.
+
+        Raises:
+            GraspFileError: when it is missing.
+        """
         if key not in self.data:
             raise GraspFileError(f"{self.where}{key} is missing")
         return self.data[key]
 
     def refuse(self, key: str, demand: str) -> GraspFileError:
-        """The error that the value of `key` is not what it must be."""
+        """Returns the error that a value is not what it must be.
+
+        Args:
+            key: its key.
+            demand: what it must be.
+        """
         return GraspFileError(f"{self.where}{key} is {_shown(self.data[key])}, not {demand}")
 
     def text(self, key: str, allowed: Sequence[str] = ()) -> Any:
-        """Text that is not empty and, where `allowed` says so, one of these."""
+        """Returns text that is not empty.
+
+        Args:
+            key: its key.
+            allowed: the texts that are allowed; any where empty. GraspFileError for others.
+        """
         value = self.get(key)
         if not isinstance(value, str) or not value:
             raise self.refuse(key, "text")
@@ -127,14 +159,23 @@ class Block:
         return value
 
     def integer(self, key: str) -> int:
-        """Zero or a positive whole number."""
+        """Returns a whole number of 0 or more; GraspFileError for anything else.
+
+        Args:
+            key: its key.
+        """
         value = self.get(key)
         if not isinstance(value, int) or isinstance(value, bool) or value < 0:
             raise self.refuse(key, "a whole number")
         return value
 
-    def number(self, key: str, sign: Sign = "any") -> float:
-        """A finite number."""
+    def number(self, key: str, sign: _Sign = "any") -> float:
+        """Returns a finite number; GraspFileError for anything else.
+
+        Args:
+            key: its key.
+            sign: the sign that it must have.
+        """
         number = _finite(self.get(key))
         if number is None:
             raise self.refuse(key, "a finite number")
@@ -143,7 +184,12 @@ class Block:
         return number
 
     def vector(self, key: str, length: int = 3) -> Array:
-        """So many finite numbers."""
+        """Returns a list of finite numbers, shape (length,); GraspFileError for anything else.
+
+        Args:
+            key: its key.
+            length: how many numbers it must have.
+        """
         value = self.get(key)
         items = value if isinstance(value, list) else []
         numbers = [number for item in items if (number := _finite(item)) is not None]
@@ -152,34 +198,51 @@ class Block:
         return frozen(numbers)
 
     def items(self, key: str) -> list[Any]:
-        """A list of anything."""
+        """Returns a list of values of any kind; GraspFileError for anything else.
+
+        Args:
+            key: its key.
+        """
         value = self.get(key)
         if not isinstance(value, list):
             raise self.refuse(key, "a list")
         return value
 
     def vectors(self, key: str) -> Array:
-        """A list of three finite numbers each, shape (n, 3)."""
+        """Returns a list of vectors, shape (n, 3); GraspFileError for anything else.
+
+        Args:
+            key: its key.
+        """
         rows = {f"{key}[{i}]": row for i, row in enumerate(self.items(key))}
         block = Block(rows, self.where)
         return frozen(np.reshape([block.vector(name) for name in rows], (-1, 3)))
 
     def block(self, key: str) -> Block:
-        """A mapping in this one."""
+        """Returns a mapping within this one; GraspFileError for anything else.
+
+        Args:
+            key: its key.
+        """
         return Block(self.get(key), f"{self.where}{key}.")
 
     def blocks(self, key: str) -> list[Block]:
-        """A list of mappings."""
+        """Returns a list of mappings; GraspFileError for anything else.
+
+        Args:
+            key: its key.
+        """
         items = enumerate(self.items(key))
         return [Block(item, f"{self.where}{key}[{i}].") for i, item in items]
 
 
 def _shown(value: object) -> str:
+    """Returns a value as messages quote it, shortened."""
     return "null" if value is None else reprlib.repr(value)
 
 
 def _finite(value: object) -> float | None:
-    """A finite number as a float, None for anything else."""
+    """Returns a finite number as a float, None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:

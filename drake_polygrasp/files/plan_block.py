@@ -8,18 +8,21 @@ from drake_polygrasp.files.plain_yaml import Block
 from drake_polygrasp.files.stated_grasp import StatedPlan
 
 _UNIT = 1e-9
-"""Our choice: how far the length of a unit vector may be from 1."""
+"""How far the length of a unit vector may be from 1. Our choice."""
 
 
 def read_plan(block: Block, num_faces: int) -> StatedPlan:
-    """Reads a plan block; keys that no verification goes by may be of any kind.
+    """Reads a plan block and checks the values that a verification uses; others may be anything.
 
     Args:
         block: the plan block.
         num_faces: how many faces the object has.
 
+    Returns:
+        What the file states of the plan.
+
     Raises:
-        GraspFileError: for a value that a verification goes by and that cannot be.
+        GraspFileError: when a value that a verification uses has the wrong type or range.
     """
     if "mu" in block.data:
         block.number("mu", "positive")

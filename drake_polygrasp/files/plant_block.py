@@ -1,4 +1,4 @@
-"""A grasp file's optional `plant` block of a grasp: what a plant said of it, written and read."""
+"""Writes and reads the optional `plant` block of a grasp: the verdicts of checks in a plant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from drake_polygrasp.grasp import HeldWeight, PlantRecord, PlantVerdict, Verdict
 
 
 def plant_document(record: PlantRecord) -> dict[str, Any]:
-    """The verdicts, the settings, and Drake's contact wrenches under the weight along each axis."""
+    """Returns a plant block as it stands in the file.
+
+    Args:
+        record: verdicts, settings, and Drake's contact forces that hold the weight along each axis.
+    """
     return {
         "verdicts": [
             {
@@ -40,9 +44,13 @@ def plant_document(record: PlantRecord) -> dict[str, Any]:
 
 
 def read_plant(block: Block) -> PlantRecord:
-    """The verdicts that a file states; nothing is proved by being read.
+    """Reads a plant block, without checking that what it states is true.
 
-    Raises GraspFileError when one is none, or a number is not finite.
+    Args:
+        block: the plant block.
+
+    Returns:
+        The verdicts that the file states; GraspFileError when it breaks the format.
     """
     return PlantRecord(
         verdicts=tuple(_read_verdict(item) for item in block.blocks("verdicts")),

@@ -1,4 +1,4 @@
-"""What a grasp file states, as values: an object, grasps and claims; nothing of it is proved."""
+"""Values for what a grasp file states: object, plan, grasps, certificates; none is checked."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from drake_polygrasp.grasp import Grasp, ModelSource, PlantRecord
 
 @dataclass(frozen=True, eq=False)
 class StatedObject:
-    """The object as the file states it; see `GraspObject` for units and frames.
+    """The object as a grasp file states it.
 
     Attributes:
-        model_file: relative to the grasp file's folder, or a package:// URI.
-        sha256: digest of the model's files.
+        model_file: path relative to the grasp file's folder, or a package:// URI.
+        sha256: hex digest of the model's files.
         model_name: model instance, as Drake names it.
-        body_name: body, as the model names it.
+        body_name: link whose frame is B, as the model names it.
         mass: mass [kg]; None where the model states none.
-        p_BBcm: centre of mass measured from Bo, in B [m], shape (3,).
+        p_BBcm: centre of mass, measured from Bo and expressed in B [m], shape (3,).
         rho: greatest distance of the surface from the centre of mass [m].
-        num_faces: how many faces the object had.
-        patch_angle: what the model is loaded with, None for the default; see `load_object`.
-        patch_depth: greatest depth of a patch of a curved surface [m].
-        links: those of a rigid body of several, None where the file names none.
-        joints_free: whether links on joints were ignored.
-        scale: of an OBJ model, None for 1.
+        num_faces: number of the object's faces, before erosion.
+        patch_angle: greatest angle between a patch's normal and its facets' [rad]; None for the
+            default.
+        patch_depth: greatest distance of facets from the plane of their patch [m]; None for the
+            default.
+        links: links of the rigid body; None where the file names none, as for a single link.
+        joints_free: whether links on joints are ignored.
+        scale: factor for the lengths of an OBJ model; None for 1.
     """
 
     model_file: str
@@ -47,13 +49,10 @@ class StatedObject:
     scale: float | None = None
 
     def source_at(self, model_file: Path) -> ModelSource:
-        """Returns the stated source of the object, for loading it again.
+        """Returns the source from which the object can be loaded again.
 
         Args:
-            model_file: path of the model file, resolved.
-
-        Returns:
-            The source with the digest, names and options that the file states.
+            model_file: path of the model file on this machine.
         """
         return ModelSource(
             model_file=model_file,
@@ -70,7 +69,7 @@ class StatedObject:
 
 @dataclass(frozen=True, eq=False)
 class StatedPlan:
-    """What a file states of the plan: keys of any planner, and typed those that others go by.
+    """The plan block of a grasp file, with the values that a verification uses as properties.
 
     Attributes:
         stated: the plan block as it stands in the file; empty where there is none.
@@ -80,7 +79,7 @@ class StatedPlan:
 
     @property
     def mu(self) -> float | None:
-        """Friction asked for in place of the model's; None where it is the model's."""
+        """Friction coefficient given in place of the model's; None where it is the model's."""
         return self.stated.get("mu")
 
     @property
@@ -90,7 +89,7 @@ class StatedPlan:
 
     @property
     def obstacles(self) -> tuple[str, ...] | None:
-        """Names of the bodies around; None where the plan knew of none."""
+        """Names of the obstacles; None where the plan had none."""
         names = self.stated.get("obstacles")
         return None if names is None else tuple(names)
 
@@ -106,7 +105,20 @@ class StatedPlan:
 
 @dataclass(frozen=True, eq=False)
 class StatedCertificate:
-    """What the file claims of a grasp, None where it is silent; see `Certificate`."""
+    """The certificate of a grasp as a file states it; a value is None where the file has none.
+
+    Attributes:
+        internal_force: x_12, x_13, x_23 of the proof of force closure [1/m], shape (3,).
+        margin: how far inside the friction cones its forces are; 1 is the greatest value.
+        mu_min: least friction at which the contacts are proved force closure.
+        mu_min_internal_force: x_12, x_13, x_23 of that proof [1/m], shape (3,).
+        epsilon_lower: lower bound of epsilon, for unit total normal force [N].
+        epsilon_upper: upper bound of epsilon [N].
+        placement_tolerance: distance by which all contacts may miss at once along their faces [m].
+        squeeze_force: total normal force that holds the weight in every orientation [N].
+        tilt_tolerance: angle by which all normals may be tilted at once [rad].
+        friction_tolerance: amount by which all coefficients may be less at once.
+    """
 
     internal_force: Array
     margin: float | None = None
@@ -122,14 +134,15 @@ class StatedCertificate:
 
 @dataclass(frozen=True, eq=False)
 class StatedGrasp:
-    """A grasp and what the file claims of it: nothing here is proved by being read.
+    """A grasp and its certificate as a file states them, unchecked.
 
     Attributes:
         grasp: the three contacts.
-        f_Bc_B: the internal force on B at each contact, shape (3, 3); normal forces add up to 1.
-        certificate: what the file states of them.
+        f_Bc_B: internal force on B at each contact, expressed in B, scaled so that normal forces
+            add up to 1, shape (3, 3).
+        certificate: the stated certificate.
         tip_radius: radius of the plan's fingertips [m]; None where the file states none.
-        plant: what a plant said of the grasp; None where the file states nothing.
+        plant: stated verdicts of checks in a plant; None where the file states none.
     """
 
     grasp: Grasp
@@ -141,14 +154,14 @@ class StatedGrasp:
 
 @dataclass(frozen=True, eq=False)
 class GraspFile:
-    """A grasp file's content, grasps best first.
+    """The content of a grasp file, unchecked but for its format.
 
     Attributes:
         path: the grasp file.
-        object_: what is grasped.
-        grasps: best first.
-        plan: what repeats the plan.
-        generator: the versions that wrote the file.
+        object_: the object that is grasped.
+        grasps: its grasps, best first.
+        plan: the settings of the plan.
+        generator: names and versions of the programs that wrote the file.
     """
 
     path: Path

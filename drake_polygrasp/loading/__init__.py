@@ -1,33 +1,33 @@
-"""From model files or a live plant to the object to grasp: where Drake reads.
+"""Loads the object to grasp, with Drake, from model files or from a plant.
 
 | file | what it holds |
 |---|---|
-| object_model.py | the entry for files: `load_object` |
-| plant_object.py | the entry for a body of a plant in its user's diagram |
-| plant_obstacles.py | the other bodies of that plant as obstacles |
-| surroundings.py | the other bodies of a scene, for checks in plants of our own |
-| live_plant.py | what a context says of a plant's scene, or what is missing to ask |
-| body_object.py | what files and plants share: a body's collision geometry as the object to grasp |
-| rigid_group.py | links that a model fixes to one another, as one rigid body |
-| shapes.py | Drake's collision shapes as triangles and curved solids |
-| scale.py | the scale of an OBJ model, and lengths that look like no metres |
-| model_source.py | all files that a model refers to, and their digest, before Drake reads them |
-| packages.py | the packages that URIs name |
+| object_model.py | loads the object from a model file: `load_object` |
+| plant_object.py | makes the object from a body of the user's plant: `object_from_plant` |
+| plant_obstacles.py | the other bodies of that plant as obstacles: `obstacles_from_plant` |
+| surroundings.py | the other bodies of a scene as Drake's shapes, for checks in our own plants |
+| live_plant.py | finds a body in the user's plant and checks its context |
+| body_object.py | what files and plants share: makes the object from collision geometry |
+| rigid_group.py | the links that welds make one rigid body, and those on its joints |
+| shapes.py | converts Drake's collision shapes to triangles and curved solids |
+| scale.py | the scale of an OBJ model, and warnings of lengths that are unlikely in metres |
+| model_source.py | finds all files that a model refers to, and their digest |
+| packages.py | finds the packages that URIs name |
 | model_document.py | reads one document of a model, XML or directives |
 | xml_reader.py | reads XML as Drake does |
-| mesh_file.py | what must be true of a mesh file before Drake reads it |
-| obj_file.py | vertices and faces of a Wavefront OBJ file |
-| gltf_file.py | what must be true of a glTF file, and the files it is made of |
-| numbers.py | arrays of the numbers that are written in a file |
-| collision_mesh.py | the surface that a Mesh or Convex shape stands for |
-| model_in_plant.py | adds a model file to a plant of the user's: `add_model` |
-| parsed_model.py | has Drake read a model file |
+| mesh_file.py | checks a mesh file before Drake reads it |
+| obj_file.py | reads and writes Wavefront OBJ files |
+| gltf_file.py | checks a glTF file, and finds its buffer files |
+| numbers.py | converts the words of a file to arrays of numbers |
+| collision_mesh.py | the true surface of a Mesh or Convex shape, repaired where Drake misreads it |
+| model_in_plant.py | adds a model file to the user's plant: `add_model` |
+| parsed_model.py | parses a model file with Drake, and chooses the body to grasp |
 | drake_messages.py | the warnings and errors that Drake logs, shortened for users |
 | model_checks.py | refuses impossible sizes and masses |
-| model_statements.py | tells what files state from what Drake assumes |
-| model_instances.py | where documents state each model instance |
+| model_statements.py | which masses and friction coefficients the files state |
+| model_instances.py | finds where documents state each model instance |
 | mjcf_statements.py | the bodies, geoms and defaults of an MJCF file |
-| unread_friction.py | friction that files state and Drake does not read |
+| unread_friction.py | friction that files state in elements that Drake does not read |
 """
 
 from __future__ import annotations

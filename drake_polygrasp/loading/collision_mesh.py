@@ -1,9 +1,10 @@
-"""The surface that a Mesh or Convex shape stands for, and where Drake's own would mislead.
+"""Reads the surface of a Mesh, Convex or Box shape, and repairs meshes that Drake misreads.
 
-Drake believes its mesh files: it cuts concave faces of more than three corners into triangles some
-of which lie outside them, takes the sense in which triangles run for inside and outside, and
-measures no distance to a mesh with a vertex that no triangle uses. The surface here is what such a
-file means. Where it is not Drake's, a warning says so, because the user's own plant has Drake's.
+Drake takes mesh files literally: it divides concave faces of more than three corners into triangles
+some of which lie outside the face, takes the winding of triangles for inside and outside even where
+it is inverted, and cannot measure distances to a mesh with a vertex that no triangle uses. Such
+meshes are repaired here to what the file means. A warning then says so, because the user's own
+plant has Drake's surface.
 """
 
 from __future__ import annotations
@@ -42,9 +43,10 @@ class CollisionMesh:
     """A shape's surface in its geometry frame G.
 
     Attributes:
-        shape: the shape for plants of our own: the given one, or a Mesh in memory that is mended.
-        triangles_G: [m], shape (T, 3, 3).
-        warnings: what differs from the geometry that Drake makes of the shape, one sentence each.
+        shape: the shape to use in our own plants: the given one, or a repaired Mesh in memory.
+        triangles_G: corners of its triangles in G [m], outward by the right-hand rule, shape
+            (T, 3, 3).
+        warnings: how it differs from the geometry that Drake makes of the shape, a sentence each.
     """
 
     shape: Box | Convex | Mesh
@@ -53,12 +55,19 @@ class CollisionMesh:
 
 
 def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
-    """Returns the surface that a shape stands for.
+    """Returns the true surface of a shape.
 
-    Notches of a Mesh are kept, which point contact would fill, for it takes the convex hull.
+    A Mesh keeps its notches, which Drake's point contact fills because it uses the convex hull; a
+    glTF mesh is its convex hull, since Drake has nothing else of it.
+
+    Args:
+        shape: the shape.
+
+    Returns:
+        The surface, repaired where Drake would misread it.
 
     Raises:
-        ModelError: when a mesh cannot be read, or a face of it is none.
+        ModelError: when a mesh cannot be read, or a face of it crosses itself.
     """
     warnings: list[str] = []
     if isinstance(shape, Mesh) and shape.extension() == ".gltf":
@@ -74,7 +83,7 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
     name, content = _source(shape)
     is_obj = shape.extension() == ".obj"
     if is_obj and shape.source().is_path():
-        # The same as of hydroelastic contact, without what takes several times as long.
+        # The same triangles as those of hydroelastic contact, read several times as fast.
         path, scale3 = shape.source().path(), np.asarray(shape.scale3())
         vertices, triangles = _arrays(ReadObjToTriangleSurfaceMesh(path, scale3))
     else:
@@ -89,7 +98,7 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
     if num_spare:
         warnings.append(
             f"{name}: no face uses {num_spare} of its {len(vertices)} vertices, which are left "
-            "out; Drake's convex hull takes them in"
+            "out; Drake's convex hull includes them"
         )
     if not warnings:
         return CollisionMesh(shape, vertices[triangles])
@@ -97,7 +106,7 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
 
 
 def _source(shape: Mesh) -> tuple[str, bytes]:
-    """What messages call the mesh, and its file."""
+    """Returns what messages call the mesh, and its file's content."""
     source = shape.source()
     if source.is_path():
         path = Path(source.path())
@@ -107,7 +116,7 @@ def _source(shape: Mesh) -> tuple[str, bytes]:
 
 
 def _hydroelastic_mesh(shape: Box | Convex | Mesh) -> TriangleSurfaceMesh:
-    """What rigid hydroelastic contact makes of a shape."""
+    """Returns the mesh that rigid hydroelastic contact makes of a shape."""
     scene_graph = SceneGraph()
     instance = GeometryInstance(RigidTransform(), shape, "surface")
     properties = ProximityProperties()
@@ -118,7 +127,7 @@ def _hydroelastic_mesh(shape: Box | Convex | Mesh) -> TriangleSurfaceMesh:
 
 
 def _arrays(mesh: TriangleSurfaceMesh) -> tuple[Array, Ints]:
-    """Vertices [m], shape (V, 3), and their indices in triangles, shape (T, 3)."""
+    """Returns vertices [m], shape (V, 3), and the indices of each triangle's, shape (T, 3)."""
     triangles = mesh.triangles()
     corners = (t.vertex(k) for t in triangles for k in range(3))
     index = np.fromiter(corners, np.int64, 3 * len(triangles))
@@ -128,10 +137,9 @@ def _arrays(mesh: TriangleSurfaceMesh) -> tuple[Array, Ints]:
 def _with_whole_faces(
     content: bytes, shape: Mesh, name: str, vertices: Array, triangles: Ints, warnings: list[str]
 ) -> Ints:
-    """Drake's triangles; of faces that they do not tile, triangles that do.
+    """Returns Drake's triangles, replaced in faces that they do not tile by triangles that do.
 
-    Raises:
-        ValueError: when a face crosses itself.
+    Raises ValueError when a face crosses itself.
     """
     obj = read_obj(content)
     sizes = np.diff(obj.offsets)
@@ -143,7 +151,7 @@ def _with_whole_faces(
     if (sizes - 2).sum() == len(triangles):
         wrong = faces_cut_wrongly(vertices, corners, obj.offsets, triangles)
     else:
-        wrong = sizes > 3  # Drake gave up within some face, and does not say in which.
+        wrong = sizes > 3  # Drake stopped within some face and does not say in which.
         triangles = np.zeros(((sizes - 2).sum(), 3), dtype=np.int64)
         triangles[np.repeat(~wrong, sizes - 2)] = corners[np.repeat(~wrong, sizes)].reshape(-1, 3)
     if not wrong.any():
@@ -158,13 +166,13 @@ def _with_whole_faces(
             raise ValueError(f"face {k + 1}: {error}") from error
     warnings.append(
         f"{name}: Drake divides its concave faces into wrong triangles; grasps are planned on the "
-        "faces as the file means them, but your own plant has other ones: export triangles"
+        "faces as the file means them, but your own plant has Drake's: export triangles"
     )
     return np.concatenate(kept)
 
 
 def _outward(name: str, vertices: Array, triangles: Ints, warnings: list[str]) -> Ints:
-    """The triangles, those that face inward turned."""
+    """Returns the triangles, with those that face inward reversed."""
     tolerance = LENGTH_TOLERANCE * float(np.ptp(vertices[triangles], axis=(0, 1)).max(initial=0))
     inward = faces_inward(vertices[triangles], tolerance)
     if not inward.any():
@@ -175,14 +183,14 @@ def _outward(name: str, vertices: Array, triangles: Ints, warnings: list[str]) -
         else f"{inward.sum()} of its {len(inward)} triangles face inward"
     )
     warnings.append(
-        f"{name}: {which}; grasps are planned with them turned outward, but your own plant takes "
-        "the inside for the outside there: reverse the faces in the file"
+        f"{name}: {which}; grasps are planned with them turned outward, but in your own plant "
+        "inside and outside are swapped there: reverse the faces in the file"
     )
     return np.where(inward[:, None], triangles[:, ::-1], triangles)
 
 
 def _in_memory(vertices: Array, triangles: Ints) -> Mesh:
-    """A mesh of triangles, without vertices that none of them uses."""
+    """Returns a mesh of triangles, without the vertices that none of them uses."""
     used, index = np.unique(triangles, return_inverse=True)
     text = write_obj(frozen(vertices[used]), index.reshape(-1, 3))
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", "mended.obj")))

@@ -1,6 +1,6 @@
-"""What must be true of a glTF file before Drake may read it, and the files it is made of.
+"""Checks a glTF file before Drake reads it, and finds the buffer files it refers to.
 
-Drake's reader follows every index and offset in it, wherever it leads.
+Drake's reader follows every index and offset in the file without checking its range.
 """
 
 from __future__ import annotations
@@ -18,23 +18,31 @@ from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
 
 _COMPONENTS = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-"""Bytes of each type of number, as the format numbers them."""
+"""Bytes of each component type, by the format's codes."""
 _FLOAT = 5126
 _COUNTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-"""Numbers of an element of each shape."""
+"""Components of an element of each type."""
 
 
 def gltf_positions(content: bytes, folder: Path, max_bytes: int) -> Array:
-    """Returns the positions of all meshes of a glTF file, before its nodes move them, (V, 3).
+    """Returns the vertex positions of all meshes of a glTF file.
+
+    Args:
+        content: the file.
+        folder: its folder, where its buffers are.
+        max_bytes: greatest size of a buffer file.
+
+    Returns:
+        Positions before its nodes transform them, shape (V, 3).
 
     Raises:
-        ValueError: when an index or an offset leads nowhere, or it is no glTF file at all.
+        ValueError: when an index or an offset is out of range, or it is not a glTF file.
         ModelError: when one of its buffers cannot be read.
     """
     try:
         root = json.loads(content)
         if not str(root["asset"]["version"]).startswith("2."):
-            raise ValueError("it is no glTF of version 2")
+            raise ValueError("it is not glTF of version 2")
         _check_nodes(root)
         buffers = [_buffer(buffer, folder, max_bytes) for buffer in root.get("buffers", [])]
         primitives = [primitive for mesh in root["meshes"] for primitive in mesh["primitives"]]
@@ -48,33 +56,39 @@ def gltf_positions(content: bytes, folder: Path, max_bytes: int) -> Array:
             for p in primitives
         ]
     except KeyError as error:
-        raise ValueError(f"it is no valid glTF: {error} is missing") from None
+        raise ValueError(f"it is not valid glTF: {error} is missing") from None
     except (TypeError, AttributeError, IndexError):
-        raise ValueError("it is no valid glTF: a value has the wrong type or length") from None
+        raise ValueError("it is not valid glTF: a value has the wrong type or length") from None
     except json.JSONDecodeError as error:
-        raise ValueError(f"it is no glTF: {error}") from None
+        raise ValueError(f"it is not glTF: {error}") from None
     return np.concatenate([np.empty((0, 3)), *positions])
 
 
 def gltf_buffer_files(content: bytes, folder: Path) -> list[Path]:
-    """Returns the files beside a glTF file that hold its buffers; none where it cannot be read."""
+    """Returns the files that hold a glTF file's buffers; none where it cannot be read.
+
+    Args:
+        content: the file.
+        folder: its folder, to which the buffers' names are relative.
+    """
     try:
         uris = [buffer.get("uri") for buffer in json.loads(content).get("buffers", [])]
     except (ValueError, TypeError, AttributeError):
         return []
-    # Drake takes names as they stand, escapes and all.
+    # Like Drake, does not decode %-escapes in names.
     return [folder / x for x in uris if isinstance(x, str) and not x.startswith("data:")]
 
 
 def _item(root: Mapping[str, Any], kind: str, index: object) -> Any:
+    """Returns an item by its index, which must be in range."""
     items = root.get(kind, [])
     if type(index) is not int or not 0 <= index < len(items):
-        raise ValueError(f"it names {index!r} of {len(items)} {kind}")
+        raise ValueError(f"it refers to number {index!r} of {len(items)} {kind}, from 0")
     return items[index]
 
 
 def _check_nodes(root: Mapping[str, Any]) -> None:
-    """Nodes are trees: each has at most one parent, and no chain of children closes."""
+    """Checks that nodes form trees: each has at most one parent, and there are no cycles."""
     nodes = root["nodes"]
     parents: dict[int, int] = {}
     for k, node in enumerate(nodes):
@@ -99,6 +113,7 @@ def _check_nodes(root: Mapping[str, Any]) -> None:
 
 
 def _buffer(buffer: Mapping[str, Any], folder: Path, max_bytes: int) -> bytes:
+    """Reads a buffer, which must have the stated length at least."""
     uri = str(buffer["uri"])
     if uri.startswith("data:"):
         data = base64.b64decode(uri.partition(",")[2])
@@ -112,6 +127,7 @@ def _buffer(buffer: Mapping[str, Any], folder: Path, max_bytes: int) -> bytes:
 def _check_accessor(
     accessor: Mapping[str, Any], root: Mapping[str, Any], buffers: Sequence[bytes]
 ) -> None:
+    """Checks that an accessor reads within its buffer."""
     for view, offset, size in _ranges(accessor, root):
         place = _item(root, "bufferViews", view)
         _item(root, "buffers", place["buffer"])
@@ -121,7 +137,7 @@ def _check_accessor(
 
 
 def _ranges(accessor: Mapping[str, Any], root: Mapping[str, Any]) -> Iterator[tuple[int, int, int]]:
-    """What an accessor reads: view, offset in it and number of bytes."""
+    """Yields what an accessor reads: index of a view, offset in it and number of bytes."""
     element = _COMPONENTS[accessor["componentType"]] * _COUNTS[accessor["type"]]
     count = _size(accessor, "count")
     if count < 1:
@@ -137,8 +153,9 @@ def _ranges(accessor: Mapping[str, Any], root: Mapping[str, Any]) -> Iterator[tu
 def _positions(
     accessor: Mapping[str, Any], root: Mapping[str, Any], buffers: Sequence[bytes]
 ) -> Array:
+    """Returns the vectors of an accessor that was checked, shape (V, 3)."""
     if accessor["componentType"] != _FLOAT or accessor["type"] != "VEC3":
-        raise ValueError("its positions are no vectors of floats")
+        raise ValueError("its positions are not vectors of floats")
     view = root["bufferViews"][accessor["bufferView"]]
     start = _size(view, "byteOffset") + _size(accessor, "byteOffset")
     stride = _size(view, "byteStride") or 12
@@ -147,7 +164,8 @@ def _positions(
 
 
 def _size(item: Mapping[str, Any], key: str) -> int:
+    """Returns a count, offset or length, 0 where it is not stated."""
     value = item.get(key, 0)
     if type(value) is not int or value < 0:
-        raise ValueError(f"its {key} is {value!r}, no size")
+        raise ValueError(f"its {key} is {value!r}, not a size")
     return value

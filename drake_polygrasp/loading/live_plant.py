@@ -1,4 +1,4 @@
-"""A plant in its user's diagram: what its context says of the scene, or what is missing to ask."""
+"""Finds a body in the user's plant, and checks that plant and context can answer queries."""
 
 from __future__ import annotations
 
@@ -14,9 +14,14 @@ from drake_polygrasp.errors import UsageError
 
 
 def find_body(plant: MultibodyPlant, body: RigidBody | BodyIndex | str) -> RigidBody:
-    """Returns a body of the plant, given itself, by index, or by a name that is one body's alone.
+    """Returns a body of the plant.
 
-    Raises UsageError when there is none, or a name is several bodies'.
+    Args:
+        plant: the user's plant.
+        body: the body itself, its index, or its name, alone or as "model::body".
+
+    Raises:
+        UsageError: when the plant has no such body, or several of that name.
     """
     check_instance("plant", plant, MultibodyPlant)
     if isinstance(body, RigidBody):
@@ -25,7 +30,7 @@ def find_body(plant: MultibodyPlant, body: RigidBody | BodyIndex | str) -> Rigid
     if isinstance(body, BodyIndex):
         if int(body) < len(bodies):
             return bodies[int(body)]
-        raise UsageError(f"body index {int(body)} is none of the plant's {len(bodies)} bodies")
+        raise UsageError(f"body index {int(body)} is not one of the plant's {len(bodies)} bodies")
     if not isinstance(body, str):
         raise refuse("body", body, "a body of the plant, its BodyIndex or its name")
     named = [b for b in bodies if body in (b.name(), str(b.scoped_name()))]
@@ -38,9 +43,16 @@ def find_body(plant: MultibodyPlant, body: RigidBody | BodyIndex | str) -> Rigid
 
 
 def query_of(plant: MultibodyPlant, body: RigidBody, context: Context) -> QueryObject[Any]:
-    """The plant's SceneGraph as it stands in the context, for questions about a body.
+    """Returns the query object of the plant's SceneGraph in a context.
 
-    Raises UsageError when plant, body and context do not belong together, or to no scene.
+    Args:
+        plant: the user's plant, finalized.
+        body: the body that will be asked about; not the world.
+        context: the plant's context, taken from the diagram's.
+
+    Raises:
+        UsageError: when plant, body and context do not belong together, or the plant is not
+            connected to a SceneGraph.
     """
     check_instance("context", context, Context, "plant.GetMyContextFromRoot(diagram_context)")
     if not plant.is_finalized():
@@ -48,23 +60,27 @@ def query_of(plant: MultibodyPlant, body: RigidBody, context: Context) -> QueryO
     if body.GetParentPlant() is not plant:
         raise UsageError(f"body '{body.name()}' belongs to another plant")
     if body.index() == plant.world_body().index():
-        raise UsageError("the world itself cannot be grasped; name another body")
+        raise UsageError("the world body cannot be grasped; name another body")
     try:
         plant.ValidateContext(context)
     except (RuntimeError, TypeError) as error:
         raise UsageError(
-            "the context is not the plant's own: it is plant.GetMyContextFromRoot(diagram_context)"
+            "the context is not the plant's; give plant.GetMyContextFromRoot(diagram_context)"
         ) from error
     port = plant.get_geometry_query_input_port()
     if not port.HasValue(context):
         raise UsageError(
-            "the plant sees no SceneGraph: make both by AddMultibodyPlantSceneGraph, and take the "
-            "plant's context from the diagram's"
+            "the plant is not connected to a SceneGraph: make both by AddMultibodyPlantSceneGraph, "
+            "and take the plant's context from the diagram's"
         )
     query: QueryObject[Any] = port.Eval(context)
     return query
 
 
 def describe(body: RigidBody) -> str:
-    """What messages call it."""
+    """Returns what messages call a body of the user's plant.
+
+    Args:
+        body: the body.
+    """
     return f"the plant's body '{body.scoped_name()}'"

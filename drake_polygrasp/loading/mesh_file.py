@@ -1,7 +1,7 @@
-"""What must be true of a mesh file before Drake may read it.
+"""Checks a mesh file before Drake reads it.
 
-Drake trusts its mesh files: an index out of range or a file without faces ends the process, and a
-coordinate that is no number silently becomes 0.
+Drake trusts mesh files: an index out of range or a file without faces aborts the process, and a
+coordinate that is not a number silently becomes 0.
 """
 
 from __future__ import annotations
@@ -18,20 +18,30 @@ from drake_polygrasp.loading.numbers import floats, integers
 from drake_polygrasp.loading.obj_file import read_obj
 
 MAX_BYTES = 100_000_000
+"""Greatest size of a mesh file. Our choice: several times that of MAX_TRIANGLES triangles."""
 MAX_TRIANGLES = 100_000
-"""Ours: five times a dense scan's. So many noisy ones are read in half a minute."""
-MAX_COORDINATE = 1e9
-"""Ours [m, before scaling]: far beyond any object, and far from where squares overflow."""
+"""Greatest number of triangles. Our choice: five times a dense scan's; as many noisy ones are read
+in half a minute."""
+_MAX_COORDINATE = 1e9
+"""Greatest coordinate [m, before scaling]. Our choice: far beyond any object, and far below where
+squares overflow."""
 _MIN_COUNT = 4
-"""Of vertices and of an OBJ's triangles: fewer enclose nothing."""
+"""Fewest vertices or triangles that enclose a volume."""
 
 
 def check_mesh_file(mesh_file: Path) -> None:
-    """Raise ModelError unless Drake can safely read the collision mesh."""
+    """Checks that Drake can safely read a collision mesh.
+
+    Args:
+        mesh_file: an .obj, .vtk or .gltf file.
+
+    Raises:
+        ModelError: when it cannot.
+    """
     suffix = mesh_file.suffix.lower()
     if suffix not in (".obj", ".vtk", ".gltf"):
         raise ModelError(
-            f"{mesh_file}: Drake offers no triangles of '{suffix}' collision meshes; "
+            f"{mesh_file}: Drake reads no triangles from '{suffix}' collision meshes; "
             "convert it to .obj or .vtk"
         )
     content = read_bytes(mesh_file, "mesh", MAX_BYTES, ModelError)
@@ -45,7 +55,7 @@ def check_mesh_file(mesh_file: Path) -> None:
 
 
 def _check_obj(content: bytes) -> None:
-    # Counted first, because what follows takes memory by the line.
+    # A rough count comes first, because reading takes memory for each line.
     _check_count(content.count(b"\nf ") + content.count(b"\nf\t"))
     obj = read_obj(content)
     _check_vertices(obj.vertices)
@@ -62,7 +72,7 @@ def _check_gltf(content: bytes, folder: Path) -> None:
 
 
 def _check_vtk(content: bytes) -> None:
-    """Of a legacy ASCII file; Drake reads binary ones itself and refuses all but tetrahedra."""
+    """Checks a legacy ASCII file; Drake itself refuses binary ones that are not tetrahedra."""
     words = content.split()
     if b"BINARY" in words[:64]:
         return
@@ -71,7 +81,7 @@ def _check_vtk(content: bytes) -> None:
     start += 1  # The data type's name.
     coordinates = floats(words[start : start + 3 * count])
     if len(coordinates) < 3 * count:
-        raise ValueError(f"it announces {count} points and has fewer")
+        raise ValueError(f"it states {count} points and has fewer")
     _check_vertices(coordinates.reshape(-1, 3))
     start, (num_cells, size) = _section(words, b"CELLS", 2)
     if not num_cells:
@@ -87,33 +97,34 @@ def _check_vtk(content: bytes) -> None:
             raise ValueError("its cells are not all tetrahedra")
         corners = corners[~sizes]
     if ((corners < 0) | (corners >= count)).any():
-        raise ValueError(f"a cell names a point outside 0 to {count - 1}")
+        raise ValueError(f"a cell refers to a point outside 0 to {count - 1}")
 
 
 def _section(words: list[bytes], keyword: bytes, num_sizes: int) -> tuple[int, Ints]:
-    """Where the numbers after a keyword and its sizes begin, and the sizes."""
+    """Returns where the numbers after a keyword and its sizes begin, and the sizes."""
     try:
         start = words.index(keyword) + 1
     except ValueError:
         raise ValueError(f"it has no {keyword.decode()}") from None
     sizes = integers(words[start : start + num_sizes])
     if len(sizes) < num_sizes or (sizes < 0).any():
-        raise ValueError(f"the sizes after {keyword.decode()} are no sizes")
+        raise ValueError(f"the sizes after {keyword.decode()} are missing or negative")
     return start + num_sizes, sizes
 
 
 def _check_count(count: int) -> None:
-    """Of triangles, tetrahedra or points."""
+    """Refuses too many triangles, tetrahedra or points."""
     if count > MAX_TRIANGLES:
         raise ValueError(f"its {count} elements are more than {MAX_TRIANGLES}; simplify it")
 
 
 def _check_vertices(vertices: Array) -> None:
+    """Refuses too few vertices, and coordinates that are not finite or too large."""
     if len(vertices) < _MIN_COUNT:
         raise ValueError(f"a solid needs at least {_MIN_COUNT} vertices, it has {len(vertices)}")
     wrong = ~np.isfinite(vertices).all(axis=1)
     if wrong.any():
         raise ValueError(f"vertex {np.argmax(wrong) + 1} is not finite")
-    wrong = (np.abs(vertices) > MAX_COORDINATE).any(axis=1)
+    wrong = (np.abs(vertices) > _MAX_COORDINATE).any(axis=1)
     if wrong.any():
-        raise ValueError(f"vertex {np.argmax(wrong) + 1} lies beyond {MAX_COORDINATE:g}")
+        raise ValueError(f"vertex {np.argmax(wrong) + 1} lies beyond {_MAX_COORDINATE:g}")

@@ -1,7 +1,7 @@
-"""Follows MJCF as Drake's parser does, to the bodies, geoms and defaults that it makes of it.
+"""Finds the bodies, geoms and defaults of an MJCF file that Drake's parser makes of it.
 
-Names and defaults are Drake's: an unnamed body is `bodyN`, N its index in the plant; an unnamed
-geom is `geomN`, N the number of the body's geoms before it that Drake kept.
+Names are those that Drake gives: an unnamed body is `bodyN`, where N is its index in the plant; an
+unnamed geom is `geomN`, where N counts the body's geoms before it that Drake keeps.
 """
 
 from __future__ import annotations
@@ -16,7 +16,12 @@ _MAIN = "main"
 
 
 class MjcfBody(NamedTuple):
-    """A <body>, and the class of defaults that its geoms have where they name none."""
+    """A <body> of an MJCF file.
+
+    Attributes:
+        element: the <body>.
+        childclass: the class of defaults for its geoms that name none; empty for the main class.
+    """
 
     element: Element
     childclass: str
@@ -24,11 +29,11 @@ class MjcfBody(NamedTuple):
 
 @dataclass(frozen=True)
 class MjcfGeom:
-    """A <geom> that collides.
+    """A <geom> with collision geometry.
 
     Attributes:
-        name: without the spaces about it.
-        attributes: its own and those that its class of defaults adds.
+        name: its name in Drake, without surrounding spaces.
+        attributes: its own attributes and those that its class of defaults adds.
     """
 
     name: str
@@ -36,11 +41,11 @@ class MjcfGeom:
 
 
 def find_bodies(root: Element, first_index: int) -> dict[str, MjcfBody]:
-    """Finds the bodies of a model, by the names that Drake gives them.
+    """Returns the bodies of a model by the names that Drake gives them.
 
     Args:
-        root: <mujoco>, with what it includes.
-        first_index: of the first body that Drake made of the model, in the plant.
+        root: the <mujoco> element, with what it includes.
+        first_index: index, in the plant, of the first body that Drake made of the model.
     """
     found: dict[str, MjcfBody] = {}
     index = first_index
@@ -51,7 +56,7 @@ def find_bodies(root: Element, first_index: int) -> dict[str, MjcfBody]:
         element, parent_class = open_bodies.pop()
         body = MjcfBody(element, element.get("childclass", parent_class))
         found.setdefault(element.get("name", f"body{index}"), body)
-        # Between several joints of a body stand bodies without mass, which come after it.
+        # Drake adds massless bodies between a body's joints if it has several, indexed after it.
         index += max(1, len(element.findall("joint")))
         children = element.findall("body")
         open_bodies += [MjcfBody(child, body.childclass) for child in reversed(children)]
@@ -59,7 +64,12 @@ def find_bodies(root: Element, first_index: int) -> dict[str, MjcfBody]:
 
 
 def collision_geoms(root: Element, body: MjcfBody) -> list[MjcfGeom]:
-    """Finds the geoms of a body that Drake keeps and that collide, in document order."""
+    """Returns the geoms of a body that Drake keeps as collision geometry, in document order.
+
+    Args:
+        root: the <mujoco> element, with what it includes.
+        body: one of its bodies.
+    """
     defaults = _defaults(root)
     meshes = {
         mesh.get("name", PurePath(mesh.get("file", "")).stem)
@@ -80,9 +90,9 @@ def collision_geoms(root: Element, body: MjcfBody) -> list[MjcfGeom]:
 
 
 def _defaults(root: Element) -> dict[str, dict[str, str]]:
-    """Reads the attributes that each class gives to geoms; the last of a class holds."""
+    """Returns the attributes that each class gives to geoms; the last statement of a class wins."""
     known: dict[str, dict[str, str]] = {}
-    # A class takes over from the one around it where that one states geoms itself, as in Drake.
+    # As in Drake, a class inherits from the class around it only if that one states geoms itself.
     pending = [(default, "") for default in reversed(root.findall("default"))]
     while pending:
         default, parent = pending.pop()
@@ -94,7 +104,7 @@ def _defaults(root: Element) -> dict[str, dict[str, str]]:
 
 
 def _is_kept(attributes: dict[str, str], meshes: set[str]) -> bool:
-    """Whether Drake makes a shape of a geom; it drops some with a warning."""
+    """Returns whether Drake makes a shape of a geom; it drops some with a warning."""
     kind = attributes.get("type", "sphere")
     if kind == "mesh":
         return attributes.get("mesh") in meshes
@@ -102,7 +112,7 @@ def _is_kept(attributes: dict[str, str], meshes: set[str]) -> bool:
 
 
 def _integer(attributes: dict[str, str], name: str) -> int:
-    """Returns a bit mask of contacts, which is 1 where it is not stated."""
+    """Returns a contact bit mask, 1 where none is stated."""
     try:
         return int(attributes.get(name, "1"))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Refuses impossible sizes and masses of a model, which Drake would replace by its own."""
+"""Refuses sizes and masses of a model that are impossible, and that Drake silently replaces."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from xml.etree.ElementTree import Element
 from drake_polygrasp.errors import ModelError
 
 MAX_FRICTION = 100.0
-"""Ours: coefficients beyond it are slips of the pen, and strain the arithmetic."""
+"""Greatest friction coefficient. Our choice: beyond it, a value is a typing error, and arithmetic
+loses accuracy."""
 MAX_SCALE = 1e6
-"""Of an OBJ model, ours: larger ones, and ones below 1 over this, are slips of the pen."""
-MAX_SIZE = 1e6
-"""Of a collision geometry, ours [m]."""
+"""Greatest scale of an OBJ model; the least is its inverse. Our choice: beyond, typing errors."""
+_MAX_SIZE = 1e6
+"""Greatest size of a collision geometry [m]. Our choice."""
 _SIZES = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
@@ -22,19 +23,27 @@ _SIZES = {
     "capsule": {"radius": 1, "length": 1},
     "ellipsoid": {"radii": 3},
 }
-"""The sizes of a collision geometry and how many numbers each has, the same in SDF and URDF."""
+"""The sizes of each collision shape, and how many numbers each has, in SDF and URDF alike."""
 
 _NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _NAMED = frozenset(
     ("robot", "mujoco", "model", "include", "link", "body", "collision", "geom", "joint")
 )
-"""Elements whose names are asked of Drake's plant."""
+"""Elements whose names are looked up in Drake's plant."""
 _FIRST_STRAY_BYTE, _LAST_STRAY_BYTE = "\udc80", "\udcff"
 """Bytes that are not UTF-8, as `xml_reader` keeps them."""
 
 
 def check_names(root: Element, path: Path) -> None:
-    """Raises ModelError for names that Drake reads, but Python cannot ask it for."""
+    """Checks that names are UTF-8 text, as pydrake needs to look them up.
+
+    Args:
+        root: the document's element.
+        path: the document.
+
+    Raises:
+        ModelError: for a name that is not.
+    """
     for element in root.iter():
         names = [element.get("model" if element.tag == "mujoco" else "name", "")]
         if element.tag == "include":
@@ -48,7 +57,16 @@ def check_names(root: Element, path: Path) -> None:
 
 
 def check_link(link: Element, path: Path, *, urdf: bool) -> None:
-    """Raise ModelError for sizes that Drake would replace, and for mass that it cannot compute."""
+    """Checks a link's sizes, and that Drake can compute its inertia if it is to.
+
+    Args:
+        link: a <link>.
+        path: its document.
+        urdf: whether that is URDF, not SDF.
+
+    Raises:
+        ModelError: for a size that Drake would replace, or inertia that it cannot compute.
+    """
     inertial = link.find("inertial")
     if is_automatic(inertial) and link.find("collision/geometry/mesh") is not None:
         raise ModelError(
@@ -60,7 +78,11 @@ def check_link(link: Element, path: Path, *, urdf: bool) -> None:
 
 
 def is_automatic(inertial: Element | None) -> bool:
-    """Returns whether an <inertial> of SDF asks for mass properties of the collision geometry."""
+    """Returns whether SDF asks for the mass properties of the collision geometry.
+
+    Args:
+        inertial: the <inertial> element of a link, if there is one.
+    """
     return inertial is not None and inertial.get("auto", "").strip().lower() in ("true", "1")
 
 
@@ -70,16 +92,25 @@ def _check_sizes(collision: Element, path: Path, *, urdf: bool) -> None:
             for name, count in sizes.items():
                 text = element.get(name) if urdf else element.findtext(name)
                 values = _numbers(text)
-                if len(values) != count or not all(0 < x <= MAX_SIZE for x in values):
+                if len(values) != count or not all(0 < x <= _MAX_SIZE for x in values):
                     raise ModelError(
                         f"{path}: the {name} of a collision {shape} is {text!r}; write "
                         f"{'three numbers' if count == 3 else 'a number'} of metres, above 0 "
-                        f"and at most {MAX_SIZE:g}"
+                        f"and at most {_MAX_SIZE:g}"
                     )
 
 
 def check_mass(link: Element, path: Path, *, urdf: bool) -> None:
-    """Raises ModelError for a mass of an SDF or URDF link that Drake would replace by its own."""
+    """Checks that a link's mass, if stated, is positive; Drake replaces others.
+
+    Args:
+        link: a <link>.
+        path: its document.
+        urdf: whether that is URDF, not SDF.
+
+    Raises:
+        ModelError: when it is not.
+    """
     mass = link.find("inertial/mass")
     if mass is None:
         return
@@ -87,18 +118,25 @@ def check_mass(link: Element, path: Path, *, urdf: bool) -> None:
     if value is None or not 0 < value < math.inf:
         raise ModelError(
             f"{path}: link '{link.get('name')}' has a mass that is not above 0; state one that "
-            "is, or none"
+            "is, or leave it out"
         )
 
 
 def first_number(text: str | None) -> float | None:
-    """Returns the number that a text begins with, as Drake reads it; what follows is no matter."""
+    """Returns the number that a text begins with, as Drake reads it, ignoring what follows.
+
+    Args:
+        text: the text; None where there is none.
+
+    Returns:
+        The number; None where the text does not begin with one.
+    """
     number = _NUMBER.match(text or "")
     return None if number is None else float(number[0])
 
 
 def _numbers(text: str | None) -> list[float]:
-    """Returns the numbers of a text, a lone NaN when they are none."""
+    """Returns the numbers of a text, a single NaN if a word is not a number."""
     try:
         return [float(word) for word in (text or "").split()]
     except ValueError:

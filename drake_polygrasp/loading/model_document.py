@@ -1,4 +1,4 @@
-"""Reads one document of a model, XML or directives, and refuses what would hurt to read."""
+"""Reads one document of a model, XML or directives, of bounded size."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.xml_reader import parse_xml
 
 MAX_BYTES = 20_000_000
-"""Of a document, ours: some hundred thousand collision geometries."""
+"""Greatest size of a document. Our choice: some hundred thousand collision geometries."""
 _MAX_NODES = 1_000_000
-"""Of directives with their aliases written out, ours."""
+"""Most YAML nodes of directives, with their aliases expanded. Our choice."""
 
 
 @dataclass(frozen=True)
 class Addition:
-    """What one of a file's model directives adds: a model, or further directives.
+    """A model, or a file of further directives, that a model directive adds.
 
     Attributes:
-        uri: what to add: a path or a URI, as stated.
-        name: of the model; None for directives.
-        namespace: of the directives' models.
+        uri: path or URI of the file to add, as stated.
+        name: name given to the model; None for directives.
+        namespace: namespace of the models that further directives add.
     """
 
     uri: str
@@ -36,16 +36,28 @@ class Addition:
 
 
 def read_directives(path: Path) -> list[Addition]:
-    """Reads what model directives add; ModelError when they are no directives."""
+    """Reads what a file of model directives adds.
+
+    Args:
+        path: the file.
+
+    Returns:
+        Models and files of further directives, in the file's order.
+
+    Raises:
+        ModelError: when it cannot be read as model directives.
+    """
     content = read_bytes(path, "model", MAX_BYTES, ModelError)
     try:
         if _expanded_size(yaml.compose(content, Loader=yaml.BaseLoader), {}) > _MAX_NODES:
-            raise ModelError(f"{path}: its aliases expand beyond measure; write them out")
+            raise ModelError(
+                f"{path}: its aliases expand to more than {_MAX_NODES} values; write them out"
+            )
         directives = LoadModelDirectives(str(path)).directives
     except ModelError:
         raise
     except (Exception, SystemExit) as error:
-        raise ModelError(f"{path}: no model directives: {error}") from error
+        raise ModelError(f"{path}: cannot be read as model directives: {error}") from error
     return [
         Addition(d.add_model.file, d.add_model.name)
         if d.add_model
@@ -56,9 +68,9 @@ def read_directives(path: Path) -> list[Addition]:
 
 
 def _expanded_size(node: yaml.Node, known: dict[yaml.Node, int]) -> int:
-    """How many nodes there are when every alias is written out."""
+    """Returns the number of nodes with every alias expanded."""
     if node not in known:
-        known[node] = 1  # An alias may stand inside what it refers to.
+        known[node] = 1  # Ends the recursion where an alias is inside what it refers to.
         parts = chain.from_iterable(node.value) if isinstance(node, yaml.MappingNode) else ()
         parts = node.value if isinstance(node, yaml.SequenceNode) else parts
         known[node] += sum(_expanded_size(part, known) for part in parts)
@@ -66,24 +78,24 @@ def _expanded_size(node: yaml.Node, known: dict[yaml.Node, int]) -> int:
 
 
 def read_xml(path: Path, tag: str | None = None) -> Element:
-    """Reads an XML document as Drake does, names as they are written (`xml_reader`).
+    """Reads an XML document as Drake does, with names as they are written (see `xml_reader`).
 
     Args:
         path: the document.
-        tag: of the element to return; Drake takes the first of its name.
+        tag: tag of the element to return; Drake takes the first of that tag.
 
     Returns:
         The first element at the top that has the tag or, where none has, the first of all.
 
     Raises:
-        ModelError: when it is no XML that Drake reads, or declares entities.
+        ModelError: when Drake cannot read it as XML, or it declares entities.
     """
     content = read_bytes(path, "model", MAX_BYTES, ModelError)
     try:
         elements = parse_xml(content)
     except ValueError as error:
-        reason = with_remedy(error, "mend it there")
+        reason = with_remedy(error, "correct it there")
         raise ModelError(f"{path}: cannot be read as XML: {reason}") from error
     if not elements:
-        raise ModelError(f"{path}: cannot be read as XML: it has no element; mend it there")
+        raise ModelError(f"{path}: cannot be read as XML: it has no element; name another file")
     return next((element for element in elements if element.tag == tag), elements[0])

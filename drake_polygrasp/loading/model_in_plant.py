@@ -1,4 +1,4 @@
-"""Adds a model file to a plant of the user's, with the packages that `load_object` finds."""
+"""Adds a model file to the user's plant, with the checks and packages of `load_object`."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ def add_model(
     packages: Mapping[str, str | Path] | None = None,
     name_prefix: str | None = None,
 ) -> list[RigidBody]:
-    """Adds all that a model file holds to a plant, after the checks of `load_object`.
+    """Adds all models of a file to a plant, after the checks of `load_object`.
 
         plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=1e-3)
         (body,) = add_model(plant, "models/l_bracket/l_bracket.sdf")
         plant.Finalize()
 
-    Meshes are checked before Drake may read them, for some that are malformed end the process.
+    Meshes are checked before Drake reads them, because some malformed ones abort the process.
 
     Args:
-        plant: registered with a SceneGraph, not finalized yet.
+        plant: the plant, registered with a SceneGraph and not finalized yet.
         model_file: a path, or a package:// URI.
         package_paths: folders searched for the packages of package:// URIs.
         packages: folders of packages by name.
-        name_prefix: what goes before the names of the file's models, with a colon pair between.
+        name_prefix: scope put before the names of the file's models, as "prefix::model".
 
     Returns:
-        The bodies that have collision geometry, in the order of the file.
+        The bodies that have collision geometry, in the file's order.
 
     Raises:
         ModelError: when a file is missing or malformed.

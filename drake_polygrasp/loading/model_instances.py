@@ -17,7 +17,7 @@ from drake_polygrasp.loading.model_source import ModelFiles
 
 
 class Dialect(StrEnum):
-    """What a document of a model is written in."""
+    """The language of a model's document."""
 
     SDF = "sdf"
     URDF = "urdf"
@@ -30,8 +30,8 @@ class StatedModel:
     """A model as a document states it.
 
     Attributes:
-        element: <model> of SDF, <robot> of URDF, <mujoco> of MJCF with what it includes; empty of
-            OBJ.
+        element: <model> of SDF, <robot> of URDF, <mujoco> of MJCF with what it includes; an empty
+            element for OBJ.
         dialect: the language of the document.
         path: the document.
     """
@@ -42,12 +42,17 @@ class StatedModel:
 
 
 _MERGED = ("true", "1")
+"""Values of an include's attribute `merge` that merge it."""
 
 
 def find_instances(files: ModelFiles) -> dict[str, list[StatedModel]]:
-    """Finds the models that the files state, by the name of the model instance that Drake adds.
+    """Returns the models that the files state, by the name of the model instance that Drake adds.
 
-    Several models make one instance where one is merged into another.
+    Args:
+        files: all files of the model.
+
+    Returns:
+        One model for each name; several where an include merges one into another.
     """
     found: dict[str, list[StatedModel]] = {}
     for name, model in _models(files, files.model_file, None, ""):
@@ -83,6 +88,7 @@ def _models(
 def _sdf_model(
     files: ModelFiles, model: Element, path: Path, name: str
 ) -> Iterator[tuple[str, StatedModel]]:
+    """Yields an SDF model, the models nested in it and those that it includes."""
     yield name, StatedModel(model, Dialect.SDF, path)
     for nested in model.findall("model"):
         yield from _sdf_model(files, nested, path, _join(name, sdf_name(nested)))
@@ -93,6 +99,7 @@ def _sdf_model(
 def _included(
     files: ModelFiles, include: Element, path: Path, parent: str, name: str | None = None
 ) -> Iterator[tuple[str, StatedModel]]:
+    """Yields the models of an SDF include, under the scope of their parent if it merges them."""
     file = files.includes.get((path, (include.findtext("uri") or "").strip()))
     if file is None:
         return
@@ -108,7 +115,11 @@ def _included(
 
 
 def sdf_name(element: Element) -> str:
-    """Returns the name of an element of SDF, which is read without the spaces about it."""
+    """Returns the name of an SDF element, without surrounding spaces as Drake reads it.
+
+    Args:
+        element: an element of an SDF document.
+    """
     return element.get("name", "").strip()
 
 

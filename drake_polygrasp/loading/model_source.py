@@ -1,4 +1,4 @@
-"""The files a model is made of: where they are, and the digest that identifies them all."""
+"""Finds all files that a model refers to, and computes the digest that identifies them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from drake_polygrasp.loading.model_document import Addition, read_directives, re
 from drake_polygrasp.loading.packages import find_packages, is_uri, locate, resolve
 
 SUFFIXES = (".sdf", ".urdf", ".xml", ".dmd.yaml", ".obj")
-"""What Drake's Parser reads."""
+"""Suffixes of the model files that Drake's Parser reads."""
 _ROOTS = {".sdf": "sdf", ".urdf": "robot", ".xml": "mujoco"}
-"""The element that Drake reads of a document."""
+"""Tag of the element that Drake reads in a document."""
 
 
 @dataclass
@@ -31,11 +31,11 @@ class ModelFiles:
 
     Attributes:
         model_file: the file given to the Parser.
-        documents: the model and what it includes; parsed when it is XML.
-        meshes: collision meshes.
+        documents: the model file and those that it includes, with their elements if XML.
+        meshes: collision meshes, as keys.
         additions: what each file of model directives adds.
-        includes: the document that each SDF include or directive means, by including document and
-            URI.
+        includes: the document that an SDF include or a directive refers to, by including document
+            and URI.
     """
 
     model_file: Path
@@ -46,7 +46,7 @@ class ModelFiles:
 
     @property
     def sha256(self) -> str:
-        """Hex digest of the concatenated digests of documents, then meshes with their buffers."""
+        """Hex SHA-256 of the concatenated digests of documents, then meshes with their buffers."""
         digests = hashlib.sha256()
         waiting = [*self.documents, *self.meshes]
         seen: set[Path] = set()
@@ -74,7 +74,7 @@ def model_digest(
 
     Args:
         model_file: a path or a package:// URI.
-        package_paths: folders that are searched for packages.
+        package_paths: folders searched for packages.
         packages: folders of packages by name.
 
     Returns:
@@ -88,10 +88,18 @@ def model_digest(
 
 
 def read_model_files(model_file: Path, package_map: PackageMap) -> ModelFiles:
-    """Follows includes and collision meshes, to the files that Drake opens.
+    """Finds the documents and collision meshes that Drake opens, by following includes.
 
-    Raises ModelError when a document is missing or malformed, or for the size of a box that Drake
-    would replace by its own.
+    Args:
+        model_file: path of the model file.
+        package_map: the packages that URIs may name.
+
+    Returns:
+        The files, each once, in document order.
+
+    Raises:
+        ModelError: when a document is missing or malformed, or states a size that Drake would
+            silently replace.
     """
     files = ModelFiles(model_file)
     _Reader(files, package_map).read(model_file, (), None)
@@ -99,7 +107,7 @@ def read_model_files(model_file: Path, package_map: PackageMap) -> ModelFiles:
 
 
 def _newest(config: Element) -> str:
-    """The file that a model.config names for the newest version of SDF, the first of several."""
+    """Returns the first file that a model.config names for the newest version of SDF."""
     versions = [
         (tuple(int(part) for part in re.findall(r"\d+", sdf.get("version", "0"))), sdf.text or "")
         for sdf in config.findall("sdf")
@@ -114,16 +122,16 @@ class _Reader:
     files: ModelFiles
     package_map: PackageMap
     visited: set[tuple[Path, Path]] = field(default_factory=set)
-    """Documents, each with the folder that paths of its meshes are relative to."""
+    """Documents read, each with the folder that its meshes' paths are relative to."""
 
     def read(self, path: Path, including: tuple[Path, ...], folder: Path | None) -> Path:
         """Adds a document and what it includes.
 
         Args:
-            path: of the document, or of a folder with a model.config.
-            including: the documents that led to it, resolved.
-            folder: what paths of meshes are relative to in SDF, where it is not the document's
-                own: that of the SDF file which Drake's parser began with.
+            path: the document, or a folder with a model.config.
+            including: the documents that led to it, with links resolved.
+            folder: folder of the SDF file that Drake's parser began with, to which meshes' paths in
+                SDF are relative; None for the document's own.
 
         Returns:
             The document's path.
@@ -134,7 +142,7 @@ class _Reader:
                 raise ModelError(f"{path}: is a folder without a model.config; name a model in it")
             path = path / _newest(read_xml(config, "model"))
         if path.resolve() in including:
-            raise ModelError(f"{path}: includes itself; break the circle")
+            raise ModelError(f"{path}: includes itself; break the circle of includes")
         if not path.name.lower().endswith(SUFFIXES):
             if not path.exists():
                 raise ModelError(f"{path}: there is no such model file; mend the path")
@@ -191,7 +199,7 @@ class _Reader:
                 check_link(element, path, urdf=False)
 
     def _included(self, uri: str, path: Path) -> Path:
-        """The path of a document that an SDF document includes."""
+        """Returns the path of a document that an SDF document includes."""
         target = self._resolve(uri, path, path.parent)
         if is_uri(uri) or target == Path(uri):
             return target
@@ -204,7 +212,7 @@ class _Reader:
         return target
 
     def _read_urdf(self, root: Element, path: Path, folder: Path) -> None:
-        """Follows what Drake reads of it: no includes, and of links their own collisions."""
+        """Adds the meshes of links' own collisions; Drake reads no includes in URDF."""
         for link in root.findall("link"):
             check_link(link, path, urdf=True)
             for mesh in link.findall("collision/geometry/mesh"):
@@ -216,14 +224,14 @@ class _Reader:
         self.files.meshes[self._resolve(uri, path, folder)] = None
 
     def _resolve(self, uri: str, path: Path, folder: Path) -> Path:
-        """The path that a URI in the document at `path` means, which errors name."""
+        """Returns the path of a URI in the document at `path`, which errors name."""
         try:
             return resolve(uri, folder, self.package_map)
         except ModelError as error:
             raise type(error)(f"{path}: {error}") from error
 
     def _read_mjcf(self, root: Element, folder: Path, including: tuple[Path, ...]) -> None:
-        """As Drake does: what is included is in the model itself, and the last compiler rules."""
+        """Adds includes and meshes as Drake does: the last <compiler> says where meshes are."""
         self._splice_includes(root, folder, including)
         assets = folder
         for compiler in root.findall("compiler"):
@@ -234,9 +242,9 @@ class _Reader:
                 self.files.meshes[assets / mesh.get("file", "")] = None
 
     def _splice_includes(self, element: Element, folder: Path, including: tuple[Path, ...]) -> None:
-        """Puts the elements of included files in the place of each include, at any depth.
+        """Replaces each include, at any depth, by the elements of the included file.
 
-        Their names are relative to `folder`, that of the model, also where included files include.
+        File names are relative to `folder`, the model's, also within included files.
         """
         children: list[Element] = []
         for child in element:
@@ -245,7 +253,7 @@ class _Reader:
                     raise ModelError(f"{including[-1]}: an include names no file; name one")
                 path = folder / child.get("file", "")
                 if path.resolve() in including:
-                    raise ModelError(f"{path}: includes itself; break the circle")
+                    raise ModelError(f"{path}: includes itself; break the circle of includes")
                 self.files.documents.setdefault(path, None)
                 root = read_xml(path)
                 check_names(root, path)

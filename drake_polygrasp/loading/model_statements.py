@@ -1,8 +1,8 @@
-"""Tells what a model's documents state from what Drake assumes where they state nothing.
+"""Finds which masses and friction coefficients a model's documents state.
 
-Masses, centres and coefficients are Drake's own, read from its plant. But Drake gives a collision
-geometry without friction the coefficient 1, and an SDF link without mass 1 kg, and does not tell
-these from values that a file states; the documents do.
+The values themselves are read from Drake's plant. But Drake gives a collision geometry without
+friction the coefficient 1, and an SDF link without mass 1 kg, which in the plant look like stated
+values; only the documents can tell.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ _READ_FRICTION = {
         ("drake_compliance", "dynamic_friction"),
     ),
 }
-"""The tags below a <collision> where Drake reads its friction."""
+"""Tags, from a <collision> down, of the elements from which Drake reads friction."""
 
 
 @dataclass(frozen=True)
 class Statements:
-    """What the files say of one link.
+    """What the files state of one link.
 
     Attributes:
         mass: whether they state a mass.
-        friction: whether they state friction that Drake reads, of each of its collision geometries.
-        unread: where they state friction that Drake does not read, as people write it.
+        friction: for each collision geometry, whether they state friction that Drake reads.
+        unread: elements with friction that Drake does not read, as <contact><lateral_friction>.
     """
 
     mass: bool
@@ -57,30 +57,30 @@ class Statements:
 
 
 class _Link(NamedTuple):
-    """What one model says of a link."""
+    """What one model states of a link."""
 
     mass: bool
     friction: dict[str, bool] | tuple[bool, ...]
-    """Of each collision geometry, by name or in the plant's order."""
+    """Whether friction is stated for each collision geometry, by name or in the plant's order."""
     unread: tuple[str, ...]
 
 
 def read_statements(
     files: ModelFiles, plant: MultibodyPlant, inspector: SceneGraphInspector, body: RigidBody
 ) -> Statements:
-    """Reads what documents say of a link, which is found as Drake names it.
+    """Returns what a model's documents state of a link.
 
     Args:
-        files: of the model, and parsed by Drake into `plant`.
-        plant: with the body.
-        inspector: of the plant's SceneGraph.
-        body: a link of the model.
+        files: the model's files.
+        plant: the plant that Drake made of them.
+        inspector: the inspector of its SceneGraph.
+        body: the link, as a body of the plant.
 
     Raises:
-        ModelError: for a mass that Drake would replace by its own.
+        ModelError: for a mass that Drake would silently replace.
     """
     links = _links(files, plant, body)
-    # SceneGraph takes the spaces about a name away.
+    # SceneGraph strips names of surrounding spaces.
     scope = f"{plant.GetModelInstanceName(body.model_instance())}::".lstrip()
     geometries = plant.GetCollisionGeometriesForBody(body)
     names = [inspector.GetName(geometry).removeprefix(scope).strip() for geometry in geometries]
@@ -92,7 +92,10 @@ def read_statements(
 
 
 def _friction(links: Sequence[_Link], names: Sequence[str]) -> tuple[bool, ...]:
-    """Whether each geometry's friction is stated; where it cannot be told, whether all is."""
+    """Returns whether each geometry's friction is stated.
+
+    Where geometries cannot be matched to elements, the answer for each is whether all state it.
+    """
     if len(links) == 1:
         (_, stated, _) = links[0]
         if isinstance(stated, tuple):
@@ -109,19 +112,19 @@ def _friction(links: Sequence[_Link], names: Sequence[str]) -> tuple[bool, ...]:
 
 
 def _links(files: ModelFiles, plant: MultibodyPlant, body: RigidBody) -> list[_Link]:
-    """What is said of the body: by one model, unless several are merged."""
+    """Returns what models state of the body: one, unless several are merged."""
     instances = find_instances(files)
     models = instances.get(plant.GetModelInstanceName(body.model_instance()), [])
     links = [link for model in models for link in _links_of(model, plant, body)]
     if links or any(model.dialect is Dialect.OBJ for model in models):
         return links
-    # Of a model that Drake names otherwise than is known here, all links of the name count.
+    # Where Drake's name of the model is not among those found, all links of the body's name count.
     every = chain.from_iterable(instances.values())
     return [link for model in every for link in _links_of(model, plant, body)]
 
 
 def _links_of(model: StatedModel, plant: MultibodyPlant, body: RigidBody) -> Iterator[_Link]:
-    """Yields what a model says of a link that has the body's name."""
+    """Yields what a model states of a link that has the body's name."""
     if model.dialect is Dialect.MJCF:
         yield from _mjcf_body(model, plant, body)
         return
@@ -132,14 +135,15 @@ def _links_of(model: StatedModel, plant: MultibodyPlant, body: RigidBody) -> Ite
 
 
 def _sdf_or_urdf_link(model: StatedModel, link: Element, body: RigidBody) -> _Link:
+    """Returns what a <link> of SDF or URDF states."""
     collisions = link.findall("collision")
-    if collisions or body.default_mass() != 0:  # A mere frame may weigh nothing.
+    if collisions or body.default_mass() != 0:  # A link that is only a frame may have no mass.
         check_mass(link, model.path, urdf=model.dialect is Dialect.URDF)
     places = _READ_FRICTION[model.dialect]
     friction = [any(elements_at(collision, place) for place in places) for collision in collisions]
     unread = tuple(unread_in_link(model, link, places))
     if model.dialect is Dialect.URDF:
-        # Drake renames geometries whose names repeat, and drops none; it assumes no mass.
+        # In URDF Drake renames geometries of equal names but drops none, and assumes no mass.
         return _Link(body.default_mass() > 0, tuple(friction), unread)
     inertial = link.find("inertial")
     mass = is_automatic(inertial) or link.find("inertial/mass") is not None
@@ -148,7 +152,7 @@ def _sdf_or_urdf_link(model: StatedModel, link: Element, body: RigidBody) -> _Li
 
 
 def _mjcf_body(model: StatedModel, plant: MultibodyPlant, body: RigidBody) -> Iterator[_Link]:
-    """MJCF always means a mass, of its default density; friction may come from its defaults."""
+    """Yields what MJCF states of a body: always a mass, by a density; friction also by defaults."""
     first = min(int(index) for index in plant.GetBodyIndices(body.model_instance()))
     found = find_bodies(model.element, first).get(body.name())
     if found is None:

@@ -1,4 +1,4 @@
-"""Arrays of the numbers that are written in a file."""
+"""Converts the words of a file to arrays of numbers."""
 
 from __future__ import annotations
 
@@ -11,12 +11,32 @@ from drake_polygrasp.arrays import Array, Ints
 
 
 def floats(words: list[bytes]) -> Array:
-    """Returns the numbers that words stand for; raises ValueError for the first that is none."""
+    """Returns words as numbers.
+
+    Args:
+        words: words of a file.
+
+    Returns:
+        The numbers, shape (n,).
+
+    Raises:
+        ValueError: naming the first word that is not one.
+    """
     return np.asarray(_numbers(words, np.float64))
 
 
 def integers(words: list[bytes]) -> Ints:
-    """Returns the whole numbers that words stand for, as `floats` does."""
+    """Returns words as whole numbers.
+
+    Args:
+        words: words of a file.
+
+    Returns:
+        The numbers, shape (n,).
+
+    Raises:
+        ValueError: naming the first word that is not one.
+    """
     return np.asarray(_numbers(words, np.int64))
 
 
@@ -25,7 +45,7 @@ def _numbers(words: list[bytes], dtype: type) -> npt.NDArray[Any]:
         return np.array(words, dtype=bytes).astype(dtype) if words else np.empty(0, dtype)
     except (ValueError, OverflowError):
         wrong = next(word for word in words if not _is_number(word, dtype))
-        raise ValueError(f"'{wrong[:40].decode(errors='replace')}' is no number") from None
+        raise ValueError(f"'{wrong[:40].decode(errors='replace')}' is not a number") from None
 
 
 def _is_number(word: bytes, dtype: type) -> bool:

@@ -1,4 +1,4 @@
-"""The vertices and faces of a Wavefront OBJ file, as Drake reads them."""
+"""Reads vertices and faces of a Wavefront OBJ file as Drake does, and writes such a file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 @dataclass(frozen=True, eq=False)
 class ObjFile:
-    """Vertices and faces in the file's order.
+    """Vertices and faces of an OBJ file, in its order.
 
     Attributes:
-        vertices: as the file states them, before scaling, shape (V, 3).
-        corners: vertex indices from 0 of all faces, one face after the other, shape (N,).
-        offsets: where each face begins in `corners`, and N, shape (F + 1,).
+        vertices: coordinates as stated, before scaling, shape (V, 3).
+        corners: vertex indices, from 0, of all faces one after another, shape (N,).
+        offsets: where each face begins in `corners`, and then N, shape (F + 1,).
     """
 
     vertices: Array
@@ -34,11 +34,18 @@ class ObjFile:
 
 
 def read_obj(content: bytes) -> ObjFile:
-    """Reads an OBJ file; colours, textures and normals are passed over, as are lines and points.
+    """Reads vertices and faces of an OBJ file.
+
+    Colours, textures, normals, lines and points are ignored.
+
+    Args:
+        content: the file.
+
+    Returns:
+        Its vertices and faces.
 
     Raises:
-        ValueError: naming what no reader can make sense of, or what Drake reads otherwise than it
-            is meant.
+        ValueError: when it is malformed, or Drake would misread it.
     """
     content = _LINE_ENDS.sub(b"\n", content.removeprefix(_BYTE_ORDER_MARK))
     content = _COMMENTS.sub(b"", content)
@@ -61,9 +68,11 @@ def read_obj(content: bytes) -> ObjFile:
     known = np.repeat(np.cumsum(kinds)[~kinds], sizes)
     wrong = (stated == 0) | (stated > len(vertices)) | (stated < -known)
     if wrong.any():
-        raise ValueError(f"a face names vertex {stated[np.argmax(wrong)]} of {len(vertices)}")
+        raise ValueError(
+            f"a face refers to vertex {stated[np.argmax(wrong)]}, but there are {len(vertices)}"
+        )
     corners = np.where(stated > 0, stated - 1, known + stated)
-    is_face = sizes >= 3  # Drake passes over others.
+    is_face = sizes >= 3  # Drake ignores others.
     return ObjFile(
         vertices,
         corners[np.repeat(is_face, sizes)],
@@ -72,7 +81,12 @@ def read_obj(content: bytes) -> ObjFile:
 
 
 def write_obj(vertices: Array, triangles: Ints) -> str:
-    """Returns the OBJ file of vertices (V, 3) and triangles (T, 3) of indices from 0."""
+    """Returns the text of an OBJ file.
+
+    Args:
+        vertices: coordinates [m], shape (V, 3).
+        triangles: vertex indices from 0, shape (T, 3).
+    """
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
     lines += [f"f {a} {b} {c}" for a, b, c in (triangles + 1).tolist()]
     return "\n".join([*lines, ""])

@@ -1,6 +1,7 @@
-"""From a model file to the object to grasp.
+"""Loads the object to grasp from a model file: `load_object`.
 
-Drake reads the files; what it assumes silently where they say nothing is looked up in them.
+Drake parses the files; which values are stated, and which are Drake's defaults, is looked up in
+them.
 """
 
 from __future__ import annotations
@@ -39,14 +40,15 @@ from drake_polygrasp.loading.shapes import is_hull, mended
 
 @dataclass(frozen=True)
 class Solid:
-    """A rigid body as its model has it, all its links together.
+    """A rigid body as Drake's shapes and inertia, all its links together.
 
     Attributes:
-        M_BBo_B: about Bo, expressed in B.
-        parts: each collision geometry G's shape and pose X_BG.
-        covers: likewise, of links on joints in the model's default posture, with their names.
-        is_hulls: whether each of both is its own convex hull, which is what point contact makes of
-            a Mesh.
+        M_BBo_B: spatial inertia about Bo, expressed in B.
+        parts: shape and pose X_BG of each collision geometry.
+        covers: name of the link, shape and pose X_BG of each collision geometry of links on joints,
+            in the model's default posture.
+        is_hulls: whether each shape is its own convex hull, which is what Drake's point contact
+            makes of a Mesh.
     """
 
     M_BBo_B: SpatialInertia
@@ -67,26 +69,41 @@ def load_object(
     joints_free: bool = False,
     scale: float | None = None,
 ) -> GraspObject:
-    """Load the rigid body to grasp from a file that Drake's Parser reads.
+    """Loads the rigid body to grasp from a file that Drake's Parser reads.
 
-    Links that the model fixes to one another are one rigid body: surface, friction, mass and centre
-    of mass are those of all of them, in the frame of the link that `body_name` names.
-    Links on joints, in the model's default posture, cover its faces and leave fingertips no room;
-    their mass is not counted. With `joints_free` they are ignored.
+        bracket = load_object("models/l_bracket/l_bracket.sdf")
 
-    `model_file` is a path or a package:// URI. Packages are searched below `package_paths` and in
-    the folders above the model file, and `packages` gives folders of packages by name. `body_name`
-    may be left out when just one rigid body has collision geometry, and B is then the frame of its
-    base link; `model::body` tells bodies of one name apart. `mu` replaces the friction of the
-    model, which is else the lesser of each geometry's static and dynamic coefficients: in discrete
-    time Drake's bodies slide at the dynamic one. Surfaces of very many facets become patches whose
-    normals lean by at most `patch_angle` [rad] (default: 12 degrees) and whose facets lie about
-    `patch_depth` [m] (default: 0.005 of the diameter) off a plane. `scale` multiplies the lengths
-    of an .obj model, 0.001 for millimetres (default: 1); other models state their own.
+    Links that the model fixes to one another are one rigid body, with the surface, friction, mass
+    and centre of mass of all of them. Links on its joints, in the model's default posture, cover
+    its faces and block fingertips; their mass is not counted.
 
-    Raises ModelError when a file is missing or malformed, the body cannot be told, or its
-    collision geometry is nothing to hold; UsageError when `mu` is not above 0, a patch cannot be
-    as asked for, or `scale` is none or for a model that states its own.
+    Args:
+        model_file: a path, or a package://, model:// or file:// URI.
+        body_name: name of one of the body's links, alone or as "model::link"; its frame is B. By
+            default, the base link of the only rigid body that has collision geometry.
+        mu: friction coefficient of all faces, above 0. By default each geometry's, the lesser of
+            static and dynamic, since bodies slide at the dynamic one in Drake's discrete time; 0.3
+            where the model states none.
+        package_paths: folders searched for the packages of URIs, beside those above the model file.
+        packages: folders of packages by name, which take precedence.
+        patch_angle: greatest angle between the normal of a patch and those of its facets [rad],
+            below pi/2 (default: 12 degrees). Curved surfaces and surfaces of very many facets are
+            divided into patches.
+        patch_depth: greatest distance of facets from the plane of their patch [m], about (default:
+            0.005 of the object's diameter).
+        joints_free: whether links on joints are ignored.
+        scale: factor for the lengths of an .obj model, 0.001 for millimetres (default: 1); other
+            models state their own.
+
+    Returns:
+        The object: its exposed surface, mass, centre of mass and friction, with warnings on how the
+        model was read.
+
+    Raises:
+        ModelError: when a file is missing or malformed, the body is not there or not unique, or its
+            collision geometry cannot be grasped.
+        UsageError: when an argument has the wrong type or value, or `scale` is given for a model
+            that states its own.
     """
     check_path("model_file", model_file)
     if body_name is not None:
@@ -101,13 +118,13 @@ def load_object(
     where = f"{files.model_file}: body '{group.body.name()}'"
     warnings += describe_group(group, where, joints_free, bodies_beside(parsed.plant, group))
     if parsed.plant.num_constraints() and len(rigid_bodies(parsed.plant)) > 1:
-        warnings.append(f"{where}: what constraints of the model tie to it is left out")
+        warnings.append(f"{where}: bodies that constraints of the model tie to it are left out")
     inspector = parsed.scene_graph.model_inspector()
     colliders = group.colliders(parsed.plant, inspector)
     links = _statements(parsed, colliders)
     if mu is None:
-        friction, assumed = _friction(inspector, links, where)
-        warnings += assumed
+        friction, messages = _friction(inspector, links, where)
+        warnings += messages
     else:
         friction = [mu] * len(colliders)
     parts = collision_parts(inspector, colliders, friction, where)
@@ -126,7 +143,7 @@ def load_object(
     unstated = [link.name for link in links if not link.has_mass]
     if unstated and len(unstated) < len(links):
         names = quote_names(unstated)
-        warnings.append(f"{where}: its mass is unknown, for the model states none of {names}")
+        warnings.append(f"{where}: its mass is unknown, as the model states none of {names}")
     stated = None if unstated else mass_properties(group, parsed.context)
     return object_of(
         parts,
@@ -150,7 +167,7 @@ def reload_object(
     """Loads an object again from its source, with the options that it was loaded with.
 
     Args:
-        source: where the object came from. Its digest and links are not compared.
+        source: the model and how it was loaded; its digest and links are not compared.
         mu: friction coefficient of all faces; None for the model's.
         package_paths: folders searched for the packages of package:// URIs.
         packages: folders of packages by name.
@@ -179,9 +196,18 @@ def load_solid(
     package_paths: Sequence[str | Path] = (),
     packages: Mapping[str, str | Path] | None = None,
 ) -> Solid:
-    """The rigid body that an object came from, read again, for plants of our own.
+    """Loads the rigid body that an object came from as Drake's shapes, for our own plants.
 
-    Raises ModelError as `load_object` does.
+    Args:
+        source: the model and how it was loaded.
+        package_paths: folders searched for the packages of URIs.
+        packages: folders of packages by name.
+
+    Returns:
+        The rigid body in its frame B.
+
+    Raises:
+        ModelError: when a file is missing or malformed, or the body is no longer in it.
     """
     files = parse_files(source.model_file, package_paths, packages, source.scale)
     parsed = choose_body(files, scoped_name(source))
@@ -206,13 +232,10 @@ def load_solid(
 
 
 def scoped_name(source: ModelSource) -> str:
-    """Returns the names of an object's model and body, which tell bodies of one name apart.
+    """Returns the scoped name of an object's body, "model::body".
 
     Args:
-        source: where the object came from.
-
-    Returns:
-        "model::body", as Drake scopes names.
+        source: the model and how it was loaded.
     """
     return f"{source.model_name}::{source.body_name}"
 
@@ -222,19 +245,20 @@ class _StatedLink(NamedTuple):
 
     name: str
     mass: float
-    """Drake's [kg]."""
+    """Mass in Drake's plant [kg]."""
     colliders: tuple[Collider, ...]
     statements: Statements
 
     @property
     def has_mass(self) -> bool:
-        """Whether its mass is stated; a link that is but a frame, without mass, needs none."""
+        """Whether its mass is stated or it needs none, being only a frame without geometry."""
         if self.mass == 0:
             return not self.colliders
         return self.statements.mass and self.mass > 0
 
 
 def _statements(parsed: ParsedModel, colliders: Sequence[Collider]) -> list[_StatedLink]:
+    """Returns what the files state of each link of the rigid body."""
     inspector = parsed.scene_graph.model_inspector()
     return [
         _StatedLink(
@@ -250,25 +274,25 @@ def _statements(parsed: ParsedModel, colliders: Sequence[Collider]) -> list[_Sta
 def _friction(
     inspector: SceneGraphInspector, links: Sequence[_StatedLink], where: str
 ) -> tuple[list[float], list[str]]:
-    """The coefficient of each collider, and what was assumed of it."""
+    """Returns the coefficient of each collider, and warnings, among them of assumed ones."""
     friction: list[float] = []
     warnings: list[str] = []
     assumed: dict[str, dict[str, None]] = {}
     for link, _, colliders, statements in links:
         places = " or ".join(statements.unread)
-        reason = f", for Drake reads no friction from {places}" if places else ""
+        reason = f", because Drake reads no friction from {places}" if places else ""
         for geometry, _, _ in colliders:
             pair = stated_friction(inspector, geometry)
-            # Drake's default; only the file can tell whether it was meant.
+            # (1, 1) is Drake's default; only the file can tell whether it is stated.
             if pair is None or (pair == (1, 1) and not statements.friction[geometry]):
                 friction.append(DEFAULT_MU)
                 assumed.setdefault(reason, {})[link] = None
             else:
-                mu, said = lesser_friction(*pair, inspector.GetName(geometry), where)
+                mu, messages = lesser_friction(*pair, inspector.GetName(geometry), where)
                 friction.append(mu)
-                warnings += said
+                warnings += messages
     for reason, names in assumed.items():
-        it = ": link" if len(names) == 1 else ": each of the links"
-        it = "" if len(links) == 1 else f"{it} {quote_names(list(names))}"
-        warnings.append(f"{where}{it} states no friction; {DEFAULT_MU} is assumed{reason}")
+        who = ": link" if len(names) == 1 else ": each of the links"
+        who = "" if len(links) == 1 else f"{who} {quote_names(list(names))}"
+        warnings.append(f"{where}{who} states no friction; {DEFAULT_MU} is assumed{reason}")
     return friction, warnings

@@ -1,4 +1,4 @@
-"""Drake reads a model file: its parser, what it would log, and the body that was asked for."""
+"""Parses a model file with Drake, and chooses the rigid body to grasp."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from drake_polygrasp.loading.packages import (
 from drake_polygrasp.loading.rigid_group import RigidGroup, find_group, rigid_bodies
 
 _DENSITY = 1000.0
-"""[kg/m^3], the Parser's own for an OBJ file."""
+"""Density by which Drake's Parser gives an OBJ file its mass [kg/m^3]."""
 
 
 class ParsedFiles(NamedTuple):
-    """What Drake made of a model file, with all its bodies.
+    """What Drake's Parser made of a model file, with all its bodies.
 
     Attributes:
         files: the model file and all that it refers to.
         plant: the finalized plant.
         scene_graph: its scene graph.
-        warnings: what Drake warned of.
+        warnings: what Drake logged.
     """
 
     files: ModelFiles
@@ -50,15 +50,15 @@ class ParsedFiles(NamedTuple):
 
 
 class ParsedModel(NamedTuple):
-    """What a model file holds, the rigid body that was asked for, and what Drake warned of.
+    """A parsed model and the rigid body chosen in it.
 
     Attributes:
         files: the model file and all that it refers to.
         plant: the finalized plant that Drake made of it.
         scene_graph: its scene graph.
-        context: the plant's own, with the model's defaults.
-        group: the links that move as one with the chosen body.
-        warnings: what a reader should know of how the model was read.
+        context: the plant's default context: the model's default posture.
+        group: the chosen rigid body.
+        warnings: what Drake logged.
     """
 
     files: ModelFiles
@@ -77,7 +77,7 @@ def parse_files(
 ) -> ParsedFiles:
     """Parses a model file with all that it refers to.
 
-    Meshes are checked before Drake may read them, for some that are malformed end the process.
+    Meshes are checked before Drake reads them, because some malformed ones abort the process.
 
     Args:
         model_file: a path, or a package:// URI.
@@ -123,9 +123,17 @@ def choose_body(parsed: ParsedFiles, body_name: str | None = None) -> ParsedMode
 
 @contextmanager
 def drake_errors_as_model_errors(where: Path | str, logged: Sequence[str] = ()) -> Iterator[None]:
-    """Drake's errors, failed assertions too, which it raises as SystemExit, become ModelErrors.
+    """Turns Drake's errors into ModelErrors, failed assertions, raised as SystemExit, included.
 
-    The errors that Drake `logged` before may say more.
+    Args:
+        where: the file or geometry that messages name.
+        logged: errors that Drake logged before; the last often has details that the error lacks.
+
+    Yields:
+        None; the body of the `with` statement may call Drake.
+
+    Raises:
+        ModelError: when Drake raises an error.
     """
     try:
         yield
@@ -139,6 +147,7 @@ def drake_errors_as_model_errors(where: Path | str, logged: Sequence[str] = ()) 
 def _parse(
     model_file: Path, package_map: PackageMap, scale: float | None
 ) -> tuple[MultibodyPlant, SceneGraph]:
+    """Returns a finalized plant of the model; an OBJ file that the Parser rejects is added here."""
     plant, scene_graph = _empty_plant()
     if scale is not None:
         _add_surface(plant, model_file, scale)
@@ -165,23 +174,23 @@ def _empty_plant() -> tuple[MultibodyPlant, SceneGraph]:
 
 
 def _add_surface(plant: MultibodyPlant, mesh_file: Path, scale: float) -> None:
-    """What the Parser makes of an OBJ file, but scaled, and also where Drake finds no mass."""
+    """Adds an OBJ file as Drake's Parser does, but scaled, and also where it encloses no volume."""
     name, mesh = mesh_file.stem, Mesh(str(mesh_file), scale)
     M_BBo_B = _spatial_inertia(read_collision_mesh(mesh).shape)
     if M_BBo_B is None:
         logging.getLogger("drake").warning(
-            "%s: its triangles are flat or open, so that Drake finds no mass in them; a ball of "
-            "1 kg stands in for it",
+            "%s: its triangles are flat or open, so that Drake cannot compute its mass; that of a "
+            "sphere of 1 kg is used",
             mesh_file,
         )
         M_BBo_B = SpatialInertia.SolidSphereWithMass(1.0, 1.0)
     body = plant.AddRigidBody(name, plant.AddModelInstance(name), M_BBo_B)
-    friction = CoulombFriction(1.0, 1.0)  # The Parser's own.
+    friction = CoulombFriction(1.0, 1.0)  # The Parser's default.
     plant.RegisterCollisionGeometry(body, RigidTransform(), mesh, name, friction)
 
 
 def _spatial_inertia(shape: Shape) -> SpatialInertia | None:
-    """About Bo, expressed in B; None where the shape encloses no volume."""
+    """Returns M_BBo_B of the shape, None where it encloses no volume."""
     try:
         return CalcSpatialInertia(shape, _DENSITY)
     except (Exception, SystemExit):
@@ -191,7 +200,10 @@ def _spatial_inertia(shape: Shape) -> SpatialInertia | None:
 def _choose_body(
     plant: MultibodyPlant, name: str | None, model_file: Path, warnings: Sequence[str]
 ) -> RigidBody:
-    """The link of that name on a rigid body that can be held, or the base link of the only one."""
+    """Returns the link of that name on a rigid body with collision geometry.
+
+    Without a name, returns the base link of the only such body.
+    """
     groups = rigid_bodies(plant)
     bodies = [body for group in groups for body in group]
     if name is not None:
@@ -205,7 +217,7 @@ def _choose_body(
         ignored = [warning for warning in warnings if "ignor" in warning.lower()]
         raise ModelError(
             f"{model_file}: no collision geometry on {_names(bodies) or 'any body'}; "
-            "a grasp needs what fingers can touch"
+            "a grasp needs a surface to touch"
             + (f"; Drake says: {drake_reason(ignored[0], model_file)}" if ignored else "")
         )
     chosen = [body for group in solid for body in group if body in bodies]
@@ -226,7 +238,7 @@ def _is_solid(plant: MultibodyPlant, body: RigidBody) -> bool:
 
 
 def _names(bodies: list[RigidBody]) -> str:
-    """Quoted, with the model's name where the body's alone would not tell them apart."""
+    """Returns names, quoted, with the model's where bodies' names alone are not unique."""
     short = [body.name() for body in bodies]
     unique = len(set(short)) == len(short)
     return ", ".join(f"'{body.name() if unique else body.scoped_name()}'" for body in bodies)

@@ -1,4 +1,4 @@
-"""From a body of a plant in its user's diagram to the object to grasp."""
+"""Makes the object to grasp from a body of the user's plant: `object_from_plant`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.rigid_group import Collider, find_group
 
 _ROUNDING = 1e-9
-"""Ours, relative: the same body by file and by code."""
+"""Relative difference of masses that count as equal, between file and plant. Our choice."""
 
 
 def object_from_plant(
@@ -63,7 +63,7 @@ def object_from_plant(
     joints_free: bool = False,
     scale: float | None = None,
 ) -> GraspObject:
-    """The object to grasp, from a body of a plant.
+    """Makes the object to grasp from a body of a plant, with what is welded to it.
 
         context = plant.GetMyContextFromRoot(diagram_context)
         body = plant.GetBodyByName("mug")
@@ -71,28 +71,34 @@ def object_from_plant(
         plan = plan_grasps(mug, obstacles=obstacles_from_plant(plant, body, context))
 
     Args:
-        plant: finalized, and connected to a SceneGraph in a diagram.
-        body: what to grasp, whose frame is B, or its index or name; bodies welded to it, but not
-            through the world, are part of it.
-        context: the plant's, from the diagram's; its parameters state mass and centre of mass.
-        model_file: the file that the body came from, a path or a package:// URI. It is needed to
-            write a grasp file, which names its model; without it, `source` is None. The object is
-            then the file's, once its body proves to be the same solid.
+        plant: the plant, finalized, and connected to a SceneGraph in a diagram.
+        body: the body to grasp, its index or its name; its frame is B. Bodies welded to it, other
+            than through the world, are part of the object.
+        context: the plant's context, taken from the diagram's; its parameters state the masses.
+        model_file: the file that the body came from, a path or a URI. A grasp file names its model,
+            so it is needed to write one. The object is then loaded from the file, and compared
+            with the plant's body.
         body_name: the body's name in `model_file` (default: its name in the plant).
-        mu: replaces the friction of the plant, which is else the lesser of each geometry's static
-            and dynamic coefficients; with `model_file`, the file's.
-        package_paths: folders to search for the packages of `model_file`.
+        mu: friction coefficient of all faces, above 0. By default each geometry's, the lesser of
+            static and dynamic: the file's if `model_file` is given, else the plant's.
+        package_paths: folders searched for the packages of `model_file`.
         packages: folders of packages of `model_file` by name.
-        patch_angle: how far normals of a patch may lean [rad], as of `load_object`.
-        patch_depth: how far its facets may lie off a plane [m], as of `load_object`.
-        joints_free: whether to ignore the links on its joints, which else cover it as they stand in
-            the context; `obstacles_from_plant` has them in either case.
-        scale: of `model_file`, an .obj file, as of `load_object`.
+        patch_angle: greatest angle between the normal of a patch and those of its facets [rad]
+            (default: 12 degrees).
+        patch_depth: greatest distance of facets from the plane of their patch [m], about (default:
+            0.005 of the object's diameter).
+        joints_free: whether links on its joints are ignored; by default they cover its faces at
+            their poses in the context. `obstacles_from_plant` has them in either case.
+        scale: factor for the lengths of `model_file`, an .obj file (default: 1).
+
+    Returns:
+        The object; without `model_file`, its `source` is None.
 
     Raises:
-        UsageError: when plant, body and context do not belong together, or `mu` is not above 0.
-        ModelError: when the collision geometry is nothing to hold, or `model_file` cannot be
-            loaded or has another solid, or more friction, than the plant.
+        UsageError: when plant, body and context do not belong together, or an argument has the
+            wrong type or value.
+        ModelError: when the collision geometry cannot be grasped, or `model_file` cannot be
+            loaded, or its body differs in shape, mass or greater friction from the plant's.
     """
     body = find_body(plant, body)
     inspector = query_of(plant, body, context).inspector()
@@ -111,7 +117,7 @@ def object_from_plant(
     group = find_group(plant, body, context)
     colliders = group.colliders(plant, inspector)
     if not colliders:
-        raise ModelError(f"{where} has no collision geometry; a grasp needs what fingers can touch")
+        raise ModelError(f"{where} has no collision geometry; a grasp needs a surface to touch")
     friction, warnings = _friction(inspector, colliders, mu, where)
     parts = collision_parts(inspector, colliders, friction, where)
     covers = () if joints_free else group.covers(plant, inspector)
@@ -129,7 +135,7 @@ def object_from_plant(
     identity = identity_of(parts, (str(body.scoped_name()),))
     if model_file is None:
         return replace(live, body=identity)
-    filed = load_object(
+    from_file = load_object(
         model_file,
         body_name=body_name or body.name(),
         mu=mu,
@@ -140,10 +146,10 @@ def object_from_plant(
         joints_free=joints_free,
         scale=scale,
     )
-    for difference in _differences(live, filed):
-        fixed = f"; in the plant it is {quote_names(group.names)}" if len(group.links) > 1 else ""
-        raise ModelError(f"{where} is not what {model_file} has: {difference}{fixed}")
-    return replace(filed, body=identity)
+    for difference in _differences(live, from_file):
+        links = f"; in the plant it is {quote_names(group.names)}" if len(group.links) > 1 else ""
+        raise ModelError(f"{where} is not the body of {model_file}: {difference}{links}")
+    return replace(from_file, body=identity)
 
 
 def _friction(
@@ -152,7 +158,7 @@ def _friction(
     mu: float | None,
     where: str,
 ) -> tuple[list[float], list[str]]:
-    """The coefficient of each geometry, and what there is to say of it."""
+    """Returns the coefficient of each geometry, and warnings."""
     if mu is not None:
         return [mu] * len(colliders), []
     friction: list[float] = []
@@ -163,49 +169,48 @@ def _friction(
             friction.append(DEFAULT_MU)
             warnings.append(f"{where} states no friction; {DEFAULT_MU} is assumed")
             continue
-        least, said = lesser_friction(*pair, name, where)
+        least, messages = lesser_friction(*pair, name, where)
         friction.append(least)
-        warnings += said
+        warnings += messages
         if pair == (1, 1):
             warnings.append(
-                f"{where}: the friction of '{name}' is 1, which is also Drake's where a model "
-                "states none; give mu to plan with less"
+                f"{where}: the friction of '{name}' is 1, which is also Drake's default where a "
+                "model states none; give mu to plan with less"
             )
     return friction, warnings
 
 
-def _differences(live: GraspObject, filed: GraspObject) -> Iterator[str]:
-    """Why a grasp of the file's object would be none of the plant's."""
-    here, there = live.polyhedron, filed.polyhedron
-    slack = LENGTH_TOLERANCE * there.diameter
-    for how in _unlike(_own_geometry(here), _own_geometry(there), slack):
+def _differences(live: GraspObject, from_file: GraspObject) -> Iterator[str]:
+    """Yields why grasps of the file's object may not hold the plant's."""
+    here, there = live.polyhedron, from_file.polyhedron
+    tolerance = LENGTH_TOLERANCE * there.diameter
+    for how in _unlike(_own_geometry(here), _own_geometry(there), tolerance):
         yield f"the collision geometry differs{how}"
-    for how in _unlike(_covers(here), _covers(there), slack):
+    for how in _unlike(_covers(here), _covers(there), tolerance):
         yield (
             f"the geometry of links on its joints differs{how}; with joints_free=True these are "
-            "obstacles alone"
+            "obstacles only"
         )
-    if filed.mass is not None:
-        if live.mass is None or abs(live.mass - filed.mass) > _ROUNDING * filed.mass:
-            yield f"its mass is {live.mass} kg, the file's {filed.mass} kg"
-        if not (np.abs(live.p_BBcm - filed.p_BBcm) <= _ROUNDING * filed.rho).all():
-            yield (
-                f"its centre of mass is {live.p_BBcm.tolist()}, the file's {filed.p_BBcm.tolist()}"
-            )
+    if from_file.mass is not None:
+        if live.mass is None or abs(live.mass - from_file.mass) > _ROUNDING * from_file.mass:
+            yield f"its mass is {live.mass} kg, the file's {from_file.mass} kg"
+        if not (np.abs(live.p_BBcm - from_file.p_BBcm) <= _ROUNDING * from_file.rho).all():
+            p_BBcm = from_file.p_BBcm.tolist()
+            yield f"its centre of mass is {live.p_BBcm.tolist()}, the file's {p_BBcm}"
     mu = [[face.mu for face in polyhedron.faces] for polyhedron in (here, there)]
     if len(mu[0]) != len(mu[1]) or any(a < b for a, b in zip(*mu, strict=True)):
         yield f"its friction is {min(mu[0])}, the file's {max(mu[1])}; give mu to plan with less"
 
 
 class _Geometry(NamedTuple):
-    """Triangles [m], shape (T, 3, 3), and curved solids, which some of them only suggest."""
+    """Triangles [m], shape (T, 3, 3), and the curved solids that some of them approximate."""
 
     triangles_B: Array
     solids: tuple[Primitive, ...]
 
     @property
     def lengths(self) -> Array:
-        """Corners of triangles, and centres and radii of curved solids [m]."""
+        """Coordinates of triangles' corners, and centres and radii of curved solids [m]."""
         curved = [np.append(solid.p_BG, solid.radii) for solid in self.solids]
         return np.concatenate([self.triangles_B.ravel(), *curved])
 
@@ -218,10 +223,10 @@ def _covers(polyhedron: Polyhedron) -> _Geometry:
     return _Geometry(polyhedron.covers_B, polyhedron.covering)
 
 
-def _unlike(here: _Geometry, there: _Geometry, slack: float) -> Iterator[str]:
-    """How two geometries differ by more than `slack` [m], in a word or none."""
+def _unlike(here: _Geometry, there: _Geometry, tolerance: float) -> Iterator[str]:
+    """Yields how two geometries differ by more than a tolerance [m]; empty text for in kind."""
     kinds = [[solid.kind for solid in geometry.solids] for geometry in (here, there)]
     if here.triangles_B.shape != there.triangles_B.shape or kinds[0] != kinds[1]:
         yield ""
-    elif not (np.abs(here.lengths - there.lengths) <= slack).all():
+    elif not (np.abs(here.lengths - there.lengths) <= tolerance).all():
         yield " in size or place"

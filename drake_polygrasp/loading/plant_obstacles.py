@@ -1,4 +1,4 @@
-"""From the other bodies of a plant's scene to the obstacles around the one to grasp."""
+"""Makes obstacles from the other bodies of the user's plant: `obstacles_from_plant`."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def obstacles_from_plant(
     ignore: Collection[Ignored] = (),
     reach: float | None = None,
 ) -> Obstacles:
-    """What stands around a body, at the poses in the context.
+    """Returns the obstacles around a body, at the poses in the context.
 
-    All collision geometry of the scene counts but the body's own and that of bodies welded to it,
-    which are part of it unless the world is between. Links on its joints count, whether the object
-    was loaded with them as covers or not; twice is as good as once. A Mesh is its true surface, as
-    in Drake's signed distance to a point, and not its convex hull.
+    They are all collision geometry of the scene except the body's own and that of bodies welded to
+    it, other than through the world. Links on its joints are obstacles, also where the object was
+    loaded with them as covers. A Mesh is its true surface, as in Drake's signed distance to a
+    point, not its convex hull.
 
         obstacles = obstacles_from_plant(plant, body, context, ignore=[gripper_model])
         plan = plan_grasps(object_, obstacles=obstacles)
@@ -50,16 +50,19 @@ def obstacles_from_plant(
         p_WC = (obstacles.X_WB @ p_BC.T).T
 
     Args:
-        plant: finalized, and connected to a SceneGraph in a diagram.
-        body: what is grasped, or its index or name.
-        context: the plant's, from the diagram's.
-        ignore: bodies, model instances and geometries that are no obstacles, such as the gripper.
-        reach: what is farther from the body's bounding box is left out [m], which must be at least
+        plant: the plant, finalized, and connected to a SceneGraph in a diagram.
+        body: the body to grasp, its index or its name.
+        context: the plant's context, taken from the diagram's.
+        ignore: bodies, model instances and geometries that are not obstacles, such as the gripper.
+        reach: distance from the body's bounding box beyond which geometry is left out [m], at least
             a fingertip's diameter (default: the box's diagonal).
 
+    Returns:
+        The obstacles in the body's frame B.
+
     Raises:
-        UsageError: when plant, body and context do not belong together, or `reach` is no length.
-        ModelError: when the body has no collision geometry, or an obstacle's cannot be measured.
+        UsageError: when plant, body and context do not belong together, or `reach` is not a length.
+        ModelError: when the body has no collision geometry, or an obstacle has no surface.
     """
     body = find_body(plant, body)
     query = query_of(plant, body, context)
@@ -98,9 +101,15 @@ def obstacles_from_plant(
 def live_identity(
     inspector: SceneGraphInspector, own: Sequence[Collider], body: RigidBody
 ) -> BodyIdentity:
-    """What tells a body of a plant, of such collision geometries, from others.
+    """Returns the identity by which later calls recognise a body of a plant.
 
-    Raises ModelError when these cannot be measured.
+    Args:
+        inspector: the inspector of the plant's SceneGraph.
+        own: the body's collision geometries.
+        body: the body.
+
+    Raises:
+        ModelError: when one of its shapes cannot be read.
     """
     parts = []
     for geometry, X_BG, _ in own:
@@ -116,7 +125,17 @@ def other_geometries(
     own: Collection[GeometryId],
     ignore: Collection[Ignored],
 ) -> Iterator[GeometryId]:
-    """Collision geometries of the scene, in the order in which they came into it."""
+    """Yields the collision geometries of a scene, in the order of their registration.
+
+    Args:
+        plant: the plant.
+        query: the query object of its SceneGraph.
+        own: geometries of the body to grasp, which are left out.
+        ignore: bodies, model instances and geometries that are left out too.
+
+    Raises:
+        UsageError: when `ignore` holds anything else.
+    """
     inspector = query.inspector()
     ignore = check_items("ignore", ignore)
     for item in ignore:
@@ -139,7 +158,13 @@ def other_geometries(
 def geometry_name(
     plant: MultibodyPlant, inspector: SceneGraphInspector, geometry: GeometryId
 ) -> str:
-    """The body's; the geometry's own where it belongs to no body of the plant, or to the world."""
+    """Returns the name of an obstacle: its body's, or its own where the body is the world.
+
+    Args:
+        plant: the plant.
+        inspector: the inspector of its SceneGraph.
+        geometry: the obstacle, which may also belong to no body of the plant.
+    """
     body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry))
     if body is None or body.index() == plant.world_body().index():
         return str(inspector.GetName(geometry))
@@ -152,9 +177,9 @@ def _part(
     X_WB: RigidTransform,
     near: tuple[Array, Array],
 ) -> Part | None:
-    """A geometry as a part, None where its bounding box is outside the one that is near.
+    """Returns a geometry as a part, None where its bounding box is outside the box `near`.
 
-    Of a half space, what of it is near.
+    A half space is replaced by a box that has the same points inside `near`.
     """
     inspector = query.inspector()
     shape, name = inspector.GetShape(geometry), inspector.GetName(geometry)
@@ -179,7 +204,7 @@ def _part(
 
 
 def _half_space(X_BG: RigidTransform, near: tuple[Array, Array]) -> Part | None:
-    """The half space z_G <= 0 where it is near: a box that reaches as far beside and below."""
+    """Returns a box with the points of the half space z_G <= 0 in `near`, None without any."""
     middle = (near[0] + near[1]) / 2
     radius = float(np.linalg.norm(near[1] - near[0])) / 2
     p_G = X_BG.inverse() @ middle
@@ -194,7 +219,7 @@ def _half_space(X_BG: RigidTransform, near: tuple[Array, Array]) -> Part | None:
 def _corners_B(
     inspector: SceneGraphInspector, geometry: GeometryId, X_BG: RigidTransform
 ) -> Array | None:
-    """Of the geometry's bounding box [m], shape (8, 3); None where it is not bounded."""
+    """Returns the corners of a geometry's bounding box [m], shape (8, 3); None if unbounded."""
     obb = inspector.GetObbInGeometryFrame(geometry)
     if obb is None:
         return None
@@ -204,7 +229,7 @@ def _corners_B(
 
 
 def _outward(part: Part) -> tuple[Array, Bools]:
-    """Triangles of the part's shells, turned outward, and whether each one's shell is closed."""
+    """Returns a part's triangles, turned outward, and whether the shell of each is closed."""
     size = float(np.ptp(part.triangles_B.reshape(-1, 3), axis=0).max())
     vertices, corners = weld(part.triangles_B, LENGTH_TOLERANCE * size)
     shells = oriented_shells(vertices, corners)

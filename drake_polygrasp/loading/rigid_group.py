@@ -1,8 +1,8 @@
-"""Links that a model fixes to one another: one rigid body, in the frame B of one of them.
+"""Finds the links that weld joints make one rigid body, and those on its other joints.
 
-URDF's and SDF's fixed joints, MJCF's bodies without joints and welds added by directives or by code
-are all weld joints of the plant. The world belongs to no body: what is welded to it apart from one
-another are separate bodies.
+Fixed joints of URDF and SDF, bodies without joints of MJCF and welds added by directives or by code
+are all weld joints of the plant. The world is part of no body: links welded to it, but not to one
+another, are separate bodies.
 """
 
 from __future__ import annotations
@@ -30,14 +30,25 @@ _WORLD = 0
 
 
 class Link(NamedTuple):
-    """A body of the plant as seen from B."""
+    """A link of a rigid body.
+
+    Attributes:
+        body: the link, as a body of the plant.
+        X_BL: pose of its frame L in B.
+    """
 
     body: RigidBody
     X_BL: RigidTransform
 
 
 class Collider(NamedTuple):
-    """A collision geometry of a link."""
+    """A collision geometry of a rigid body.
+
+    Attributes:
+        geometry: its id in the SceneGraph.
+        X_BG: pose of its frame G in B.
+        link: the link that has it.
+    """
 
     geometry: GeometryId
     X_BG: RigidTransform
@@ -46,14 +57,14 @@ class Collider(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RigidGroup:
-    """All links that are fixed to one another, one of which is the body B.
+    """A rigid body: all links that are fixed to one another.
 
     Attributes:
-        body: its frame is B.
-        links: those of the rigid body, B's own among them, in the plant's order.
-        on_joints: other links that joints, and links on joints, connect with these, where they are
-            now.
-        tied_by: names of joints that fix links to the world, or let them move on it but not freely.
+        body: the link whose frame is B.
+        links: the links of the rigid body, `body` included, in the plant's order.
+        on_joints: other links that joints connect with these, directly or through one another, at
+            their poses in the context.
+        tied_by: names of the joints, other than floating ones, between these links and the world.
     """
 
     body: RigidBody
@@ -63,26 +74,40 @@ class RigidGroup:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the links, with their model's name where that is not B's."""
+        """Names of the links."""
         return tuple(self.name_of(link.body) for link in self.links)
 
     def name_of(self, link: RigidBody) -> str:
-        """What messages and files call a link."""
+        """Returns the name of a link, scoped by its model's where that is not that of `body`.
+
+        Args:
+            link: a link of the plant.
+        """
         same_model = link.model_instance() == self.body.model_instance()
         return str(link.name() if same_model else link.scoped_name())
 
     def colliders(
         self, plant: MultibodyPlant, inspector: SceneGraphInspector
     ) -> tuple[Collider, ...]:
-        """The collision geometries of all links, in the links' order and then each link's own."""
+        """Returns the collision geometries of all links, in the order of links.
+
+        Args:
+            plant: the plant.
+            inspector: the inspector of its SceneGraph.
+        """
         return tuple(_colliders(plant, inspector, self.links))
 
     def covers(self, plant: MultibodyPlant, inspector: SceneGraphInspector) -> tuple[Collider, ...]:
-        """The collision geometries of links on joints."""
+        """Returns the collision geometries of links on joints.
+
+        Args:
+            plant: the plant.
+            inspector: the inspector of its SceneGraph.
+        """
         return tuple(_colliders(plant, inspector, self.on_joints))
 
     def names_on_joints(self) -> tuple[str, ...]:
-        """Of the links on joints, but for those that are mere frames."""
+        """Returns the names of links on joints, except those without mass and geometry."""
         return tuple(
             self.name_of(link)
             for link, _ in self.on_joints
@@ -90,7 +115,11 @@ class RigidGroup:
         )
 
     def spatial_inertia(self, context: Context) -> SpatialInertia:
-        """M_BBo_B of all links together, by the masses in the plant's context."""
+        """Returns M_BBo_B, the spatial inertia of all links about Bo, expressed in B.
+
+        Args:
+            context: the plant's context, whose parameters state the links' masses.
+        """
         M_BBo_B = SpatialInertia.Zero()
         for link, X_BL in self.links:
             M_LLo_L = link.CalcSpatialInertiaInBodyFrame(context)
@@ -102,17 +131,17 @@ class RigidGroup:
 
 
 def find_group(plant: MultibodyPlant, body: RigidBody, context: Context) -> RigidGroup:
-    """The rigid body that a link belongs to, in that link's frame.
+    """Finds the rigid body that a link belongs to.
 
     Args:
-        plant: finalized.
-        body: whose frame is to be B; not the world.
-        context: the plant's, which says where welded frames are on their links, and how joints
-            stand.
+        plant: the plant, finalized.
+        body: the link whose frame is to be B; not the world.
+        context: the plant's context, which states the poses of welded frames on their links and the
+            positions of joints.
 
     Returns:
-        The link and all others that welds join to it, but not through the world; and what hangs on
-        these by joints that do not let it float.
+        The link and all that welds join to it, other than through the world; and the links that
+        other than floating joints connect with these.
     """
     X_BL = {int(body.index()): RigidTransform()}
     joints = _joints(plant)
@@ -143,7 +172,10 @@ def find_group(plant: MultibodyPlant, body: RigidBody, context: Context) -> Rigi
 
 
 def _connected(joints: Sequence[Joint], links: set[int]) -> list[int]:
-    """Indices of bodies that joints connect with the links, but not freely or by the world."""
+    """Returns indices of bodies that joints, other than floating ones, connect with the links.
+
+    Connections through the world do not count.
+    """
     found, frontier = set(links), list(links)
     while frontier:
         near = frontier.pop()
@@ -156,10 +188,14 @@ def _connected(joints: Sequence[Joint], links: set[int]) -> list[int]:
 
 
 def rigid_bodies(plant: MultibodyPlant) -> list[list[RigidBody]]:
-    """All links of a plant but the world, those of one rigid body together.
+    """Returns the links of each rigid body of a plant, the world excepted.
 
-    Each rigid body begins with its base link, which is no weld's child within it; the others
-    follow in the plant's order, as the rigid bodies do by their first link.
+    Args:
+        plant: the plant, finalized.
+
+    Returns:
+        Rigid bodies in the plant's order of their first links. Each begins with its base link,
+        which is not the child of a weld within it; the others follow in the plant's order.
     """
     welds = [joint for joint in _joints(plant) if isinstance(joint, WeldJoint)]
     label = list(range(plant.num_bodies()))
@@ -179,9 +215,15 @@ def rigid_bodies(plant: MultibodyPlant) -> list[list[RigidBody]]:
 
 
 def bodies_beside(plant: MultibodyPlant, group: RigidGroup) -> tuple[str, ...]:
-    """Names of other rigid bodies with geometry that the world holds as it holds the group.
+    """Returns the names of other rigid bodies with geometry that the world holds.
 
-    None where the group is free to move; the world itself where it has geometry.
+    Args:
+        plant: the plant, finalized.
+        group: a rigid body.
+
+    Returns:
+        Names of bodies that joints, other than floating ones, connect with the world, and of the
+        world itself if it has geometry; none where the world does not hold `group` either.
     """
     if not group.tied_by:
         return ()
@@ -208,7 +250,7 @@ def _joints(plant: MultibodyPlant) -> list[Joint]:
 
 
 def _across(joint: Joint, near: int) -> int | None:
-    """The index of the body at the joint's other end, None where the body is at neither."""
+    """Returns the index of the body at the joint's other end, None where `near` is at neither."""
     parent, child = int(joint.parent_body().index()), int(joint.child_body().index())
     return child if near == parent else parent if near == child else None
 
@@ -218,7 +260,7 @@ def _is_free(joint: Joint) -> bool:
 
 
 def _weld_pose(joint: WeldJoint, context: Context) -> RigidTransform:
-    """X_PC of the parent and the child body, to the last bit as the model states it."""
+    """Returns X_PC of the weld's parent and child body, without the rounding of world poses."""
     X_PF = joint.frame_on_parent().CalcPoseInBodyFrame(context)
     X_CM = joint.frame_on_child().CalcPoseInBodyFrame(context)
     return X_PF @ joint.X_FM() @ X_CM.inverse()
@@ -227,6 +269,7 @@ def _weld_pose(joint: WeldJoint, context: Context) -> RigidTransform:
 def _colliders(
     plant: MultibodyPlant, inspector: SceneGraphInspector, links: tuple[Link, ...]
 ) -> Iterator[Collider]:
+    """Yields the links' geometries with a proximity role."""
     for link, X_BL in links:
         for geometry in plant.GetCollisionGeometriesForBody(link):
             if inspector.GetProximityProperties(geometry) is not None:

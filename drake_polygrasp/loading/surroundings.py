@@ -1,7 +1,7 @@
-"""The other bodies of the user's scene as Drake has them, for checks in plants of our own.
+"""Reads the other bodies of the user's scene as Drake's shapes, for checks in our own plants.
 
-`Obstacles` are what the planner avoids, as triangles and curved solids; these are Drake's own
-shapes of the same bodies, so that the check shares nothing with the planner.
+The planner avoids `Obstacles`, which are triangles and curved solids; here are Drake's own shapes
+of the same bodies, so that the check shares nothing with the planner.
 """
 
 from __future__ import annotations
@@ -42,21 +42,20 @@ from drake_polygrasp.loading.shapes import mended
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Collision geometry around a body, in its frame B, as it stood at one moment.
+    """Collision geometry around a body, at fixed poses in its frame B.
 
     Attributes:
-        parts: each collision geometry's name, shape and pose X_BG. The name is that of the body, or
-            the geometry's own where that belongs to the world.
-        body: whose surroundings these are; None where that is not known.
+        parts: name, shape and pose X_BG of each collision geometry. The name is its body's, or its
+            own where it belongs to the world.
+        body: identity of the body that these surround; None where it is not known.
     """
 
     parts: tuple[tuple[str, Shape, RigidTransform], ...]
-
     body: BodyIdentity | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the bodies, each once."""
+        """Names of the parts, each once."""
         return tuple(dict.fromkeys(name for name, _, _ in self.parts))
 
 
@@ -67,15 +66,17 @@ def surroundings_from_plant(
     *,
     ignore: Collection[Ignored] = (),
 ) -> Surroundings:
-    """Returns what stands around a body at the poses in the context, for `certify_in_plant`.
+    """Returns the collision geometry around a body at the poses in the context.
+
+    `certify_in_plant` checks that no fingertip penetrates it.
 
         around = surroundings_from_plant(plant, body, context, ignore=[gripper])
         report = certify_in_plant(mug, plan.grasps[0], surroundings=around)
 
     Args:
-        plant: finalized, and connected to a SceneGraph in a diagram.
-        body: what is grasped, or its index or name.
-        context: the plant's, from the diagram's.
+        plant: the plant, finalized, and connected to a SceneGraph in a diagram.
+        body: the body to grasp, its index or its name.
+        context: the plant's context, taken from the diagram's.
         ignore: bodies, model instances and geometries that are left out, such as the gripper.
 
     Raises:
@@ -107,25 +108,30 @@ def load_surroundings(
     package_paths: Sequence[str | Path] = (),
     packages: Mapping[str, str | Path] | None = None,
 ) -> Surroundings:
-    """Returns what stands around an object in a scene of model directives, at its default poses.
+    """Returns the collision geometry around an object in a scene file, at its default poses.
 
     Args:
-        scene_file: model directives, or another file that Drake's Parser reads, which hold the
-            object too, under the name of its model and body or of its body alone.
-        object_: what is grasped, loaded from a file.
-        mu: the friction that replaces the models', as of `load_object`.
+        scene_file: model directives, or another file that Drake's Parser reads. It holds the object
+            too, under the names of its model and body, or its body's name alone.
+        object_: the object to grasp, loaded from a file.
+        mu: friction coefficient that the object was loaded with in place of its model's.
         package_paths: folders searched for the packages of package:// URIs.
         packages: folders of packages by name.
 
+    Returns:
+        The collision geometry of all other bodies, in the object's frame B.
+
     Raises:
-        UsageError: when an argument is not what it may be, or the object came from no file.
-        ModelError: when the scene cannot be loaded, or its body is not the same solid.
+        UsageError: when an argument has the wrong type or value, or the object came from no file.
+        ModelError: when the scene cannot be loaded, or its body differs from the object.
     """
     check_path("scene_file", scene_file)
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     package_paths = check_paths("package_paths", package_paths)
     if object_.source is None:
-        raise UsageError("the object came from no file, so that no scene can be searched for it")
+        raise UsageError(
+            "the object came from no file, so it cannot be found in a scene; load it from one"
+        )
     source = object_.source
     full_name = scoped_name(source)
     files = parse_files(scene_file, package_paths, packages)
@@ -134,7 +140,7 @@ def load_surroundings(
     except ModelError as error:
         if f"no body '{full_name}'" not in str(error):
             raise
-        # Directives may give the model a name of their own.
+        # Directives may give the model another name.
         parsed = _choose_by_body_alone(files, scene_file, source)
     builder = DiagramBuilder()
     plant, scene_graph = builder.AddSystem(parsed.plant), builder.AddSystem(parsed.scene_graph)
@@ -147,7 +153,7 @@ def load_surroundings(
         context = plant.GetMyContextFromRoot(builder.Build().CreateDefaultContext())
     body = parsed.group.body
     try:
-        # That it is the object: the same surface, mass, and at least the friction.
+        # Raises unless it has the object's surface and mass, and its friction at least.
         object_from_plant(
             plant,
             body,
@@ -164,10 +170,10 @@ def load_surroundings(
         )
     except ModelError as error:
         raise ModelError(f"{scene_file} holds another object: {error}") from error
-    # Links on its own joints belong to the object, which may be planned without them.
+    # Links on its joints belong to the object, also where it was loaded without them.
     own = [cover.geometry for cover in parsed.group.covers(plant, scene_graph.model_inspector())]
     around = surroundings_from_plant(plant, body, context, ignore=own)
-    return replace(around, body=object_.body)  # in the scene it may have another name
+    return replace(around, body=object_.body)  # In the scene it may have another name.
 
 
 def _choose_by_body_alone(

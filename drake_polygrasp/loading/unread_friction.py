@@ -1,4 +1,4 @@
-"""Finds where a model states friction that Drake does not read."""
+"""Finds friction that a model states in elements that Drake does not read."""
 
 from __future__ import annotations
 
@@ -23,21 +23,24 @@ _TAGS = frozenset(
         "mu_dynamic",
     )
 )
-"""Elements that state a coefficient of friction: of SDF, of Gazebo's and of PyBullet's URDF."""
+"""Elements that state a friction coefficient in SDF, or in Gazebo's or PyBullet's URDF."""
 
 _LEAVES = ("friction", "friction2")
-"""Elements that state one where they hold no others."""
+"""Elements that state one if they have no child elements."""
 
 
 def unread_in_link(
     model: StatedModel, link: Element, read: Collection[Sequence[str]]
 ) -> Iterator[str]:
-    """Yields the places, as <contact><lateral_friction>, of friction that Drake does not read.
+    """Yields the elements of a link with friction that Drake does not read.
 
     Args:
-        model: of SDF or URDF.
+        model: a model of SDF or URDF.
         link: one of its links.
-        read: the tags below <collision> where Drake does read friction.
+        read: tags, from a <collision> down, of the elements from which Drake reads friction.
+
+    Yields:
+        The path to each, as <contact><lateral_friction>.
     """
     for child in link:
         if child.tag == "collision":
@@ -51,19 +54,26 @@ def unread_in_link(
 
 
 def _places(element: Element, place: str, read: Collection[Element]) -> Iterator[str]:
+    """Yields the paths below `place` of elements that state friction, but for those in `read`."""
     for child in element:
-        if child not in read and (child.tag in _TAGS or (child.tag in _LEAVES and _says(child))):
+        states = child.tag in _TAGS or (child.tag in _LEAVES and _has_value(child))
+        if child not in read and states:
             yield f"{place}<{child.tag}>"
         yield from _places(child, f"{place}<{child.tag}>", read)
 
 
-def _says(element: Element) -> bool:
-    """Whether an element holds a value, and no other elements."""
+def _has_value(element: Element) -> bool:
+    """Returns whether an element has a value, and no child elements."""
     return not len(element) and bool(element.attrib or (element.text or "").strip())
 
 
 def unread_in_pairs(root: Element, geoms: Collection[str]) -> Iterator[str]:
-    """Yields the place of friction that MJCF states of pairs of geoms."""
+    """Yields the elements with friction of pairs of geoms in MJCF, which Drake does not read.
+
+    Args:
+        root: the <mujoco> element.
+        geoms: names of the geoms of a body.
+    """
     for pair in root.findall("contact/pair"):
         if "friction" in pair.attrib and {pair.get("geom1"), pair.get("geom2")} & set(geoms):
             yield '<contact><pair friction="...">'

@@ -1,11 +1,11 @@
-"""Reads XML as tinyxml2 does, which Drake reads URDF, MJCF and SDF files with.
+"""Reads XML as tinyxml2 does, the library by which Drake reads URDF, MJCF and SDF files.
 
-Models that Drake loads need not be well-formed XML: prefixes without a declaration, a bare "&",
-"--" in comments, a blank line before the declaration and bytes of any encoding all pass, and a
+Models that Drake loads need not be well-formed XML: it accepts prefixes without a declaration, a
+bare "&", "--" in comments, a blank line before the declaration and bytes of any encoding, and a
 default namespace changes no name. Names are therefore literal here (`drake:mu_static`), and bytes
 that are not UTF-8 are kept as Python keeps them in file names (`surrogateescape`). What tinyxml2
-refuses is refused here too, but for a few misplaced declarations, which change nothing. Entities
-that a document declares are not expanded by tinyxml2; such documents are refused.
+refuses is refused here too, except for a few misplaced declarations that change nothing. tinyxml2
+does not expand entities that a document declares; such documents are refused.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from xml.etree.ElementTree import Element
 
 MAX_DEPTH = 500
-"""tinyxml2's own bound on nested elements."""
+"""tinyxml2's bound on the depth of nested elements."""
 _SPACE = r"[ \t\n\v\f\r]*"
 _NAME = r"[A-Za-z_:\x80-\U0010ffff][A-Za-z0-9_.:\-\x80-\U0010ffff]*"
 _SPACES = re.compile(_SPACE)
@@ -26,18 +26,27 @@ _LINE_END = re.compile(r"\r\n|\n\r|\r")
 _REFERENCE = re.compile(r"&(?:(quot|amp|apos|lt|gt)|#(\d+)|#x([0-9a-fA-F]+));", re.ASCII)
 _CHARACTERS = {"quot": '"', "amp": "&", "apos": "'", "lt": "<", "gt": ">"}
 _SKIPPED = (("<?", "?>"), ("<!--", "-->"), ("<!", ">"))
-"""How declarations, comments and document types begin and end; CDATA sections are text."""
+"""How declarations, comments and document types begin and end. CDATA sections are text."""
 _MAX_REASON = 120
 _CDATA, _CDATA_END = "<![CDATA[", "]]>"
 
 
 def parse_xml(content: bytes) -> list[Element]:
-    """Parses the elements at the top of a document: there may be several, or none.
+    """Parses a document.
 
     An element's `text` is the text that it begins with, as tinyxml2's `GetText` returns it; other
-    text is left out. Raises ValueError, naming the line, where tinyxml2 reports an error.
+    text is left out.
+
+    Args:
+        content: the document.
+
+    Returns:
+        The elements at its top, of which there may be several, or none.
+
+    Raises:
+        ValueError: naming the line, where tinyxml2 reports an error.
     """
-    # tinyxml2 reads a string that a null character ends.
+    # tinyxml2 stops at a null character, which ends a string in C.
     text = content.partition(b"\0")[0].decode(errors="surrogateescape")
     document = Element("")
     open_elements = [document]
@@ -66,9 +75,13 @@ def parse_xml(content: bytes) -> list[Element]:
 
 
 def elements_at(element: Element, tags: Sequence[str]) -> list[Element]:
-    """Returns the descendants that a chain of literal tags leads to.
+    """Returns the descendants of an element by a chain of literal tags.
 
-    ElementTree's own paths take the colon in `drake:mu_static` for a namespace's.
+    ElementTree's own paths would read the prefix of `drake:mu_static` as a namespace.
+
+    Args:
+        element: the element.
+        tags: tags from its children down.
     """
     found = [element]
     for tag in tags:
@@ -77,7 +90,7 @@ def elements_at(element: Element, tags: Sequence[str]) -> list[Element]:
 
 
 def _tokens(text: str) -> Iterator[tuple[int, str, str, dict[str, str]]]:
-    """Yields position, kind (text, start, end or empty), name or text, and attributes."""
+    """Yields each token's position, kind (text, start, end or empty), name or text, attributes."""
     here = _skip_space(text, 0)
     here += text.startswith("\ufeff", here)
     while (start := _skip_space(text, here)) < len(text):
@@ -104,10 +117,10 @@ def _tokens(text: str) -> Iterator[tuple[int, str, str, dict[str, str]]]:
 
 
 def _read_tag(text: str, start: int) -> tuple[int, str, str, dict[str, str]]:
-    """Reads a tag: where it ends, its kind, name and attributes."""
+    """Reads a tag; returns where it ends, its kind, name and attributes."""
     tag = _TAG.match(text, start)
     if tag is None:
-        raise _fault(text, start, "'<' begins no tag")
+        raise _fault(text, start, "'<' does not begin a tag")
     attributes: dict[str, str] = {}
     here = tag.end()
     while attribute := _ATTRIBUTE.match(text, here):
@@ -149,5 +162,5 @@ def _character(reference: re.Match[str]) -> str:
 
 
 def _fault(text: str, position: int, reason: str) -> ValueError:
-    # A name may be as long as the file.
+    # The reason may quote a name as long as the file.
     return ValueError(f"line {text.count(chr(10), 0, position) + 1}: {reason[:_MAX_REASON]}")

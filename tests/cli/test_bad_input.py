@@ -92,7 +92,7 @@ REFUSED: dict[str, tuple[str, str, str]] = {
         "includes itself",
     ),
     "a YAML bomb": ("x.dmd.yaml", ALIASES, "write them out"),
-    "deep YAML": ("x.dmd.yaml", 2_000 * "[", "no model directives"),
+    "deep YAML": ("x.dmd.yaml", 2_000 * "[", "model directives"),
     "two models": (
         "x.sdf",
         sdf().replace("</sdf>", '<model name="n"><link name="k"/></model></sdf>'),
@@ -136,7 +136,7 @@ REFUSED: dict[str, tuple[str, str, str]] = {
     "a mesh of infinity": ("x.obj", CUBE_OBJ.replace("1 1 1", "1 -inf 1"), "is not finite"),
     "an overflowing mesh": ("x.obj", CUBE_OBJ.replace("1 1 1", "1 1e999 1"), "is not finite"),
     "a mesh beyond measure": ("x.obj", CUBE_OBJ.replace("1 1 1", "1 1e39 1"), "lies beyond 1e+09"),
-    "an index out of range": ("x.obj", CUBE_OBJ + "f 1 2 99999999\n", "names vertex 99999999"),
+    "an index out of range": ("x.obj", CUBE_OBJ + "f 1 2 99999999\n", "refers to vertex 99999999"),
     "vertices alone": ("x.obj", obj(VERTICES, []), "at least 4 triangles"),
     "one triangle": ("x.obj", obj(VERTICES, ["f 1 2 3"]), "at least 4 triangles, it has 1"),
     "a mesh in one point": ("x.obj", obj(8 * ["v 0 0 0"], QUADS), "x.obj"),

@@ -279,7 +279,7 @@ def refusals() -> list[tuple[str, str, str]]:
         *required,
         ("version: 1", "version: 2", "version is 2"),
         ("version: 1", "version: '1'", "version is '1', not a whole number"),
-        ("format: drake_polygrasp/grasps", "format: other", "no grasp file"),
+        ("format: drake_polygrasp/grasps", "format: other", "not a grasp file"),
         ("mu: 0.3\n", "mu: -0.3\n", r"contacts\[0\].mu is -0.3, not positive"),
         ("mu: 0.3\n", "mu: 0\n", r"mu is 0, not positive"),
         ("mu: 0.3\n", "mu: .nan\n", r"grasps\[0\].contacts\[0\].mu is nan, not a finite"),

@@ -120,9 +120,9 @@ def put(*path: str | int, value: object) -> Callable[[dict[str, Any]], None]:
 
 
 SPOILED = {
-    "no nodes": (put("nodes", value=[]), "names 0 of 0 nodes"),
-    "no meshes": (put("meshes", value=[]), "names 0 of 0 meshes"),
-    "a node beyond": (put("scenes", 0, "nodes", value=[5]), "names 5 of 1 nodes"),
+    "no nodes": (put("nodes", value=[]), "number 0 of 0 nodes"),
+    "no meshes": (put("meshes", value=[]), "number 0 of 0 meshes"),
+    "a node beyond": (put("scenes", 0, "nodes", value=[5]), "number 5 of 1 nodes"),
     "a circle": (put("nodes", 0, "children", value=[0]), "nodes contain themselves"),
     "two parents": (
         put("nodes", value=[{"children": [2]}, {"children": [2]}, {"mesh": 0}]),
@@ -132,16 +132,16 @@ SPOILED = {
     "too many indices": (put("accessors", 1, "count", value=10**6), "beyond its buffer"),
     "an offset beyond": (put("accessors", 0, "byteOffset", value=10**6), "beyond its buffer"),
     "a view beyond": (put("bufferViews", 1, "byteLength", value=10**6), "beyond its buffer"),
-    "a negative count": (put("accessors", 0, "count", value=-3), "count is -3, no size"),
+    "a negative count": (put("accessors", 0, "count", value=-3), "count is -3, not a size"),
     "a short buffer": (put("buffers", 0, "uri", value=uri_of(b"abc")), "bytes has 3"),
     "a missing buffer": (put("buffers", 0, "uri", value="gone.bin"), "gone.bin: there is no such"),
     "positions missing": (put("meshes", 0, "primitives", 0, "attributes", value={}), "POSITION"),
     "positions beyond": (
         put("meshes", 0, "primitives", 0, "attributes", "POSITION", value=7),
-        "names 7 of 2 accessors",
+        "number 7 of 2 accessors",
     ),
-    "a strange number": (put("accessors", 0, "componentType", value=99), "no valid glTF"),
-    "an old version": (put("asset", "version", value="1.0"), "no glTF of version 2"),
+    "a strange number": (put("accessors", 0, "componentType", value=99), "not valid glTF"),
+    "an old version": (put("asset", "version", value="1.0"), "not glTF of version 2"),
 }
 
 

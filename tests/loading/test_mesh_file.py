@@ -43,12 +43,15 @@ BAD_OBJ = {
     "no faces": (VERTICES, "at least 4 triangles, it has 0"),
     "too few faces": (VERTICES + "f 1 2 3\nf 1 2 4\n", "at least 4 triangles, it has 2"),
     "a flat coordinate": (VERTICES + "v 0 0\n" + FACES, "fewer than three coordinates"),
-    "an index too high": (VERTICES + FACES + "f 1 2 5\n", "names vertex 5 of 4"),
-    "an index far too high": (VERTICES + FACES + "f 1 2 999999999\n", "999999999 of 4"),
-    "an index beyond integers": (VERTICES + FACES + f"f 1 2 {10**30}\n", "is no number"),
-    "index zero": (VERTICES + FACES + "f 0 1 2\n", "names vertex 0 of 4"),
-    "an index too low": (VERTICES + FACES + "f -5 1 2\n", "names vertex -5 of 4"),
-    "relative before its vertex": ("v 0 0 0\nf -2 -1 -1\n" + VERTICES + FACES, "vertex -2 of"),
+    "an index too high": (VERTICES + FACES + "f 1 2 5\n", "vertex 5, but there are 4"),
+    "an index far too high": (
+        VERTICES + FACES + "f 1 2 999999999\n",
+        "vertex 999999999, but",
+    ),
+    "an index beyond integers": (VERTICES + FACES + f"f 1 2 {10**30}\n", "is not a number"),
+    "index zero": (VERTICES + FACES + "f 0 1 2\n", "vertex 0, but there are 4"),
+    "an index too low": (VERTICES + FACES + "f -5 1 2\n", "vertex -5, but there are 4"),
+    "relative before its vertex": ("v 0 0 0\nf -2 -1 -1\n" + VERTICES + FACES, "vertex -2, but"),
     "not a number": (VERTICES + "v nan 0 0\n" + FACES, "vertex 5 is not finite"),
     "infinite": (VERTICES + "v 0 inf 0\n" + FACES, "vertex 5 is not finite"),
     "overflow": (VERTICES + "v 0 1e999 0\n" + FACES, "vertex 5 is not finite"),
@@ -59,8 +62,8 @@ BAD_OBJ = {
         VERTICES + FACES + "f 1 2 \\\n3\n",
         "line 9 is continued on the next .* Rhino .* export triangles",
     ),
-    "words": (VERTICES + "v a b c\n" + FACES, "'a' is no number"),
-    "broken index": (VERTICES + FACES + "f 1 2 3.5\n", "'3.5' is no number"),
+    "words": (VERTICES + "v a b c\n" + FACES, "'a' is not a number"),
+    "broken index": (VERTICES + FACES + "f 1 2 3.5\n", "'3.5' is not a number"),
     "binary": ("\x00\x01\x02" * 100, "at least 4 vertices"),
 }
 
@@ -70,7 +73,7 @@ BAD_VTK = {
     "an index too high": (TETRAHEDRON_VTK.replace("0 1 2 3", "0 1 2 4"), "outside 0 to 3"),
     "a negative index": (TETRAHEDRON_VTK.replace("0 1 2 3", "0 1 2 -1"), "outside 0 to 3"),
     "not finite": (TETRAHEDRON_VTK.replace("0 0 1\n", "0 0 nan\n"), "vertex 4 is not finite"),
-    "points missing": (TETRAHEDRON_VTK.replace("POINTS 4", "POINTS 40"), "is no number"),
+    "points missing": (TETRAHEDRON_VTK.replace("POINTS 4", "POINTS 40"), "is not a number"),
     "no tetrahedron": (
         TETRAHEDRON_VTK.replace("1 5\n4 0 1 2 3", "1 4\n3 0 1 2"),
         "not all tetrahedra",
@@ -78,7 +81,7 @@ BAD_VTK = {
     "too many points": (TETRAHEDRON_VTK.replace("POINTS 4", f"POINTS {10**18}"), "simplify it"),
     "too many cells": (TETRAHEDRON_VTK.replace("CELLS 1 5", f"CELLS {10**18} 5"), "simplify it"),
     "zero cells": (TETRAHEDRON_VTK.replace("1 5\n4 0 1 2 3", "0 0"), "no cells"),
-    "broken sizes": (TETRAHEDRON_VTK.replace("1 5", "-1 5"), "no sizes"),
+    "broken sizes": (TETRAHEDRON_VTK.replace("1 5", "-1 5"), "missing or negative"),
 }
 
 

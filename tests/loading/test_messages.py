@@ -159,5 +159,5 @@ def test_a_place_of_friction_is_blamed_only_where_it_states_some(
 ) -> None:
     write_all(tmp_path, {name: content})
     (said,) = [w for w in load_object(tmp_path / name).warnings if "states no friction" in w]
-    reason = f", for Drake reads no friction from {place}" if place else ""
+    reason = f", because Drake reads no friction from {place}" if place else ""
     assert said.endswith(f"states no friction; 0.3 is assumed{reason}")

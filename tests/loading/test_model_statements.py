@@ -393,7 +393,7 @@ def test_friction_that_drake_does_not_read_is_named(name: str, tmp_path: Path) -
     body_name = next(iter(friction_of_drake(model_file)))
     warnings = load_object(model_file, body_name=body_name).warnings
     (said,) = [warning for warning in warnings if "states no friction" in warning]
-    assert f"0.3 is assumed, for Drake reads no friction from {UNREAD[name]}" in said
+    assert f"0.3 is assumed, because Drake reads no friction from {UNREAD[name]}" in said
 
 
 MASSES: dict[str, tuple[str, str, float | None, list[float]]] = {

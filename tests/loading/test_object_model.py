@@ -303,7 +303,7 @@ def test_a_failed_assertion_of_drake_is_an_error_of_the_model(write: Write) -> N
 def test_a_bad_mesh_never_reaches_drake(write: Write) -> None:
     write("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n" + "f 1 2 999999999\n" * 4)
     path = write("model.sdf", sdf(link(mesh("<uri>bad.obj</uri>"))))
-    with pytest.raises(ModelError, match=r"bad\.obj: a face names vertex 999999999 of 4"):
+    with pytest.raises(ModelError, match=r"bad\.obj: a face refers to vertex 999999999,"):
         load_object(path)
 
 

@@ -267,7 +267,7 @@ def test_a_friction_of_1_may_be_drakes_own_and_is_warned_of(tmp_path: Path) -> N
     silent.write_text(CUBE.read_text().replace("<mu>0.3</mu><mu2>0.3</mu2>", ""))
     live = object_from_plant(*world(silent).asked)
     assert {face.mu for face in live.polyhedron.faces} == {1.0}
-    assert "Drake's where a model states none" in live.warnings[0]
+    assert "Drake's default where a model states none" in live.warnings[0]
     # The file's object is planned with the paper's coefficient, which the plant bears out.
     filed = object_from_plant(*world(silent).asked, model_file=silent)
     assert {face.mu for face in filed.polyhedron.faces} == {0.3}
@@ -300,9 +300,9 @@ def test_plant_body_and_context_must_belong_together(function: Callable[..., Any
     refused = {
         "belongs to another plant": (one.plant, other.body, one.context),
         "GetMyContextFromRoot": (one.plant, one.body, one.root),
-        "is not the plant's own": (one.plant, one.body, other.context),
-        "the world itself": (one.plant, one.plant.world_body(), one.context),
-        "no SceneGraph": (one.plant, one.body, one.plant.CreateDefaultContext()),
+        "the context is not the plant's": (one.plant, one.body, other.context),
+        "the world body": (one.plant, one.plant.world_body(), one.context),
+        "not connected to a SceneGraph": (one.plant, one.body, one.plant.CreateDefaultContext()),
         "Finalize": (MultibodyPlant(0.0), one.body, one.context),
     }
     for complaint, asked in refused.items():

@@ -290,7 +290,7 @@ def test_a_link_that_states_no_mass_or_no_friction_is_named(write: Write) -> Non
     hammer = load_object(path)
     assert hammer.mass is None
     assert any(
-        "its mass is unknown, for the model states none of 'head'" in w for w in hammer.warnings
+        "its mass is unknown, as the model states none of 'head'" in w for w in hammer.warnings
     )
     assert any("link 'head' states no friction" in w for w in hammer.warnings)
     assert not any("link 'handle' states no friction" in w for w in hammer.warnings)
@@ -399,7 +399,7 @@ def test_what_is_left_out_of_the_body_is_named(write: Write) -> None:
     )
     fixed = load_object(write("static.sdf", static), body_name="a")
     line = next(w for w in fixed.warnings if "joined to the world" in w)
-    assert line.endswith("without what the world holds beside it: 'b'")
+    assert line.endswith("without the world's other bodies: 'b'")
     geom = '<geom type="box" size=".1 .1 .1"/>'
     connected = "".join(f'<body name="{name}"><freejoint/>{geom}</body>' for name in "ab")
     mjcf = (
@@ -407,4 +407,4 @@ def test_what_is_left_out_of_the_body_is_named(write: Write) -> None:
         '<connect body1="a" body2="b" anchor="0 0 .1"/></equality></mujoco>'
     )
     tied = load_object(write("tied.xml", mjcf), body_name="a")
-    assert any("constraints of the model tie to it is left out" in w for w in tied.warnings)
+    assert any("constraints of the model tie to it are left out" in w for w in tied.warnings)
