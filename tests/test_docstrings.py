@@ -20,8 +20,6 @@ WAITING = {
     "pipeline",
     "plant",
     "search",
-    "verification",
-    "visualization",
 }
 """Rooms and files at the top that are not held to it yet."""
 DOCUMENTED = {

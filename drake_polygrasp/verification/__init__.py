@@ -1,10 +1,10 @@
-"""Verifies grasp files without the planner.
+"""Checks grasp files without the planner.
 
 | file | what it holds |
 |---|---|
-| verify.py | `verify_file`: proves, recomputes, or says what was not checked |
-| numbers.py | whether the numbers of a grasp bear out what its file states of them |
+| verify.py | `verify_file`: forces proved, contacts compared with the model, numbers recomputed |
+| numbers.py | compares stated numbers with recomputed ones; needs no model |
 | stated_model.py | the model that a file names, found and loaded with the options stated |
-| report.py | what a verification finds, as values |
-| plant_results.py | a copy of a grasp file with the verdicts of a plant |
+| report.py | the results of a verification, as values |
+| plant_results.py | writes a copy of a grasp file with the verdicts of a plant |
 """

@@ -1,7 +1,7 @@
-"""Whether the numbers of a grasp bear out what its file claims of them; no model is needed.
+"""Compares the numbers that a grasp file states of a grasp with recomputed ones; needs no model.
 
-Faults are sentences: there are none where the claims are true. A claim is refused when it flatters
-the grasp, not when it is modest.
+Each violated claim is one message. A stated value is rejected only if it is more favourable than
+the recomputed one.
 """
 
 from __future__ import annotations
@@ -29,73 +29,94 @@ from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
 from drake_polygrasp.grasp import Grasp, Quality
 from drake_polygrasp.wrenches.contacts import edge_forces
 
-FORCE_TOLERANCE = 1e-9
-"""Ours: of forces that add up to 1; printed doubles are good to 1e-15."""
+_FORCE_TOLERANCE = 1e-9
+"""Our choice: error of forces of total 1; printed doubles are exact to 1e-15."""
 ROUNDING = 1e-9
-"""Ours, relative: what the order of additions changes in a closed form."""
-QHULL_ROUNDING = 1e-6
-"""Ours, relative: what the rounding of hulls changes in a bound."""
-GAPS = (RELATIVE_GAP, 1e-3, 1e-5)
-"""Ours: where the usual bounds do not bear a number out, closer ones may: which facets are refined
-differs between versions and, by rounding, between machines, and a claim may be nearly exact."""
-PLANE_TOLERANCE = 1e-5
-"""Ours, times rho: how far contacts may be off their grasp plane; faces are flat to 1e-6 L."""
+"""Our choice: relative rounding error of closed forms."""
+_QHULL_ROUNDING = 1e-6
+"""Our choice: relative rounding error of bounds that hulls give."""
+_GAPS = (RELATIVE_GAP, 1e-3, 1e-5)
+"""Our choice: relative gaps of bounds, tried in turn. Which facets are refined differs between
+versions and, by rounding, between machines, so a stated bound may be closer than a recomputed one
+of the usual gap."""
+_PLANE_TOLERANCE = 1e-5
+"""Our choice: greatest distance of contacts from their grasp plane, over rho; faces are flat to
+1e-6 L."""
 
 
 def force_violations(stated: StatedGrasp) -> Iterator[str]:
-    """Why the internal force is no proof of force closure, or not the one that is spelt out."""
+    """Checks the internal force of a grasp, and the contact forces that are stated beside it.
+
+    Args:
+        stated: a grasp of a file.
+
+    Yields:
+        One message for each violation: the internal force is no proof of force closure, its contact
+        forces differ from the stated `f_Bc_B`, or their normal parts do not add up to 1.
+    """
     grasp, x = stated.grasp, stated.certificate.internal_force
     check = check_proof(grasp, x)
     if not check.ok:
         yield check.reason
     f_Bc_B = edge_forces(grasp.p_BC[None], x[None])[0]
-    if not (np.abs(stated.f_Bc_B - f_Bc_B) <= FORCE_TOLERANCE).all():
+    if not (np.abs(stated.f_Bc_B - f_Bc_B) <= _FORCE_TOLERANCE).all():
         yield "f_Bc_B is not what internal_force makes it"
-    if not abs((grasp.nhat_TB_B * f_Bc_B).sum() - 1) <= FORCE_TOLERANCE:
+    if not abs((grasp.nhat_TB_B * f_Bc_B).sum() - 1) <= _FORCE_TOLERANCE:
         yield "the normal forces do not add up to 1"
 
 
 def check_proof(grasp: Grasp, x: Array) -> exact.Check:
-    """Check exactly that the internal force x [1/m], shape (3,), proves a grasp force closure."""
+    """Checks in exact arithmetic that an internal force proves a grasp force closure.
+
+    Args:
+        grasp: three contacts.
+        x: the internal force x_12, x_13, x_23 [1/m], shape (3,).
+
+    Returns:
+        The check, with the reason if it fails.
+    """
     return exact.check_force_closure(*_contacts(grasp), x.tolist())
 
 
 def number_violations(
     stated: StatedGrasp, object_: StatedObject, clearance: float | None
 ) -> list[str]:
-    """Which numbers flatter the grasp.
+    """Recomputes the numbers of a certificate and compares them with the stated ones.
 
     Args:
-        stated: a grasp that its internal force proves.
-        object_: whose mass, centre of mass and rho count.
+        stated: a grasp of a file, proved by its internal force.
+        object_: the object that the file states, for its mass, centre of mass and rho.
         clearance: least distance from a contact to an edge of its face [m], which bounds the
-            placement tolerance; None where no face is known.
+            placement tolerance; None if no face is known.
+
+    Returns:
+        One message for each number that is more favourable than the recomputed one.
     """
     faults: list[str] = []
-    for relative_gap in GAPS:
+    for relative_gap in _GAPS:
         bounds = _bounds(stated, object_, relative_gap)
-        faults = list(_bound_faults(stated, object_, clearance, *bounds, QHULL_ROUNDING))
-        # What is off by more than the bounds are apart, closer ones do not mend.
-        lasting = _bound_faults(stated, object_, clearance, *bounds, 2 * relative_gap)
+        faults = list(_bound_violations(stated, object_, clearance, *bounds, _QHULL_ROUNDING))
+        # Closer bounds cannot confirm a number that is off by more than the gap of these.
+        lasting = _bound_violations(stated, object_, clearance, *bounds, 2 * relative_gap)
         if not faults or any(lasting):
             break
-    return [*_plain_faults(stated, object_), *faults]
+    return [*_plain_violations(stated, object_), *faults]
 
 
-def _plain_faults(stated: StatedGrasp, object_: StatedObject) -> Iterator[str]:
-    """Faults that no bound decides."""
+def _plain_violations(stated: StatedGrasp, object_: StatedObject) -> Iterator[str]:
+    """Yields violations that need no bounds of epsilon."""
     grasp, claim = stated.grasp, stated.certificate
     if not max(grasp.faces) < object_.num_faces:
         yield f"faces names face {max(grasp.faces)}, and there are {object_.num_faces} from 0"
     if (grasp.kind == "two_faces") != (len(set(grasp.faces)) == 2):
         yield f"kind is {grasp.kind}, which the contacts' faces {list(grasp.faces)} are not"
-    if not _holds_plane(stated, PLANE_TOLERANCE * object_.rho):
+    if not _holds_plane(stated, _PLANE_TOLERANCE * object_.rho):
         yield "the contacts are not in the grasp plane"
     if claim.mu_min is not None and not _proves_mu_min(stated, claim.mu_min):
         yield f"mu_min is {claim.mu_min:.6g}, which no internal force proves"
     if claim.mu_min is None and claim.mu_min_internal_force is not None:
         yield "mu_min_internal_force is there, but no mu_min that it would prove"
-    yield from _quality_faults(grasp.quality)
+    yield from _quality_violations(grasp.quality)
     margin = exact.attained_margin(*_contacts(grasp), claim.internal_force.tolist())
     yield from _excess("margin", claim.margin, margin, ROUNDING)
 
@@ -103,7 +124,7 @@ def _plain_faults(stated: StatedGrasp, object_: StatedObject) -> Iterator[str]:
 def _bounds(
     stated: StatedGrasp, object_: StatedObject, relative_gap: float
 ) -> tuple[Interval, float]:
-    """epsilon, and the force [N] that the weight needs; infinite where that is not known."""
+    """Bounds epsilon and the squeeze force [N]; the latter is infinite if it is unknown."""
     grasp, mass = stated.grasp, object_.mass
     arguments = grasp.p_BC, grasp.nhat_TB_B, grasp.mu, object_.p_BBcm, object_.rho
     epsilon = epsilon_interval(*arguments, relative_gap=relative_gap)
@@ -113,7 +134,7 @@ def _bounds(
     return epsilon, mass * GRAVITY / r_w if r_w > 0 else math.inf
 
 
-def _bound_faults(
+def _bound_violations(
     stated: StatedGrasp,
     object_: StatedObject,
     clearance: float | None,
@@ -121,11 +142,11 @@ def _bound_faults(
     squeeze: float,
     slack: float,
 ) -> Iterator[str]:
-    """What flatters the grasp against bounds, by more than `slack`, relative."""
+    """Yields numbers that are more favourable than bounds by more than `slack`, relative."""
     claim, lower = stated.certificate, epsilon.lower
     p_BC, mu, p_BBcm, rho = stated.grasp.p_BC, stated.grasp.mu, object_.p_BBcm, object_.rho
     yield from _excess("epsilon_lower", claim.epsilon_lower, lower, slack)
-    # Wherever it was computed, an upper bound is within RELATIVE_GAP of epsilon.
+    # On any machine, an upper bound is within RELATIVE_GAP of epsilon.
     within = max(1.01 * RELATIVE_GAP, slack)
     yield from _excess("epsilon_upper", claim.epsilon_upper, epsilon.upper, within)
     yield from _lack("epsilon_upper", claim.epsilon_upper, lower, slack)
@@ -153,7 +174,7 @@ def _contacts(grasp: Grasp) -> tuple[list[list[float]], list[list[float]], list[
 
 
 def _holds_plane(stated: StatedGrasp, tolerance: float) -> bool:
-    """Whether the contacts lie in the grasp plane."""
+    """Tells whether the contacts lie in the grasp plane."""
     plane = stated.grasp.grasp_plane
     height = (stated.grasp.p_BC - plane.p_BP) @ plane.nhat_B
     unit = abs(plane.nhat_B @ plane.nhat_B - 1) <= ROUNDING
@@ -161,7 +182,7 @@ def _holds_plane(stated: StatedGrasp, tolerance: float) -> bool:
 
 
 def _proves_mu_min(stated: StatedGrasp, mu_min: float) -> bool:
-    """Whether the witness, the file's or else one of our own, holds with so little friction."""
+    """Tells whether the file's internal force, or else one found here, proves it at `mu_min`."""
     grasp, witness = stated.grasp, stated.certificate.mu_min_internal_force
     mu = friction_at(grasp.mu, mu_min)
     if witness is None:
@@ -169,8 +190,8 @@ def _proves_mu_min(stated: StatedGrasp, mu_min: float) -> bool:
     return check_proof(replace(grasp, mu=mu), witness).ok
 
 
-def _quality_faults(quality: Quality | None) -> Iterator[str]:
-    """What can be said of the paper's Q without its planner (eq. 5)."""
+def _quality_violations(quality: Quality | None) -> Iterator[str]:
+    """Yields violations of equation 5, the part of the paper's Q that needs no planner."""
     if quality is None:
         return
     if not all(0 <= q <= 1 + ROUNDING for q in quality.q):

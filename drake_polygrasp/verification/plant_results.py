@@ -1,4 +1,4 @@
-"""Copies a grasp file with what a plant says of its grasps."""
+"""Writes a copy of a grasp file with the verdicts of a plant on its grasps."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from drake_polygrasp.loading.packages import is_uri
 def save_plant_results(
     file: Path | str, output: Path | str, reports: Sequence[PlantRecord | None]
 ) -> None:
-    """Writes a copy of a grasp file with what a plant says of its grasps.
+    """Writes a copy of a grasp file with the verdicts of a plant on its grasps.
 
     Args:
         file: the grasp file, which is not changed.
-        output: the copy.
-        reports: one for each grasp; None leaves it as it was.
+        output: the copy to write.
+        reports: verdicts on each grasp, in the file's order; None leaves a grasp as it is.
 
     Raises:
         GraspFileError: when the file cannot be read, or the copy not written.
@@ -37,7 +37,7 @@ def save_plant_results(
             grasp["plant"] = plant_document(report)
     model_file = document["object"]["model_file"]
     if not is_uri(model_file):
-        # It is relative to the folder of the file that names it.
+        # The path is relative to the folder of the grasp file.
         moved = os.path.relpath(file.parent.resolve() / model_file, output.parent.resolve())
         document["object"]["model_file"] = Path(moved).as_posix()
     write_document(output, document)

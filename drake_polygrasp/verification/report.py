@@ -1,4 +1,4 @@
-"""What a verification finds, as values: a line for each claim, grasp by grasp."""
+"""The results of a verification as values: three checks for each grasp."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ if TYPE_CHECKING:
 
 
 class Status(StrEnum):
-    """What was done about one line of a grasp."""
+    """The outcome of one check of a grasp.
+
+    PROVED: in exact arithmetic. RECOMPUTED: compared with values computed here. NOT_CHECKED: the
+    model was not there, or an earlier check failed. FAILED: a claim is violated.
+    """
 
     PROVED = "proved"
     RECOMPUTED = "recomputed"
@@ -24,7 +28,12 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """A status and, where there is something to say, a sentence."""
+    """The result of one check of a grasp.
+
+    Attributes:
+        status: the outcome.
+        reason: why it failed or was not checked, or what was left out; may be empty.
+    """
 
     status: Status
     reason: str = ""
@@ -32,14 +41,14 @@ class CheckResult:
 
 @dataclass(frozen=True)
 class GraspReport:
-    """The three lines of one grasp, and what a plant says of it.
+    """The three checks of one grasp, and its verdicts in a plant.
 
     Attributes:
-        forces: verdict of the exact certificate.
-        surface: verdict on whether contacts are on the exposed surface.
-        numbers: verdict on the stated numbers.
-        plant: none where it was not asked for, or the lines leave nothing to ask.
-        stated_plant: what the file states of a plant: not proved again unless it was asked for.
+        forces: whether the internal force proves force closure.
+        surface: whether contacts, normals and friction are those of the model's exposed surface.
+        numbers: whether the certificate's numbers are at most as favourable as recomputed ones.
+        plant: verdicts of a plant; None if it was not asked for or a check failed.
+        stated_plant: verdicts of a plant that the file states, which are not checked.
     """
 
     forces: CheckResult
@@ -50,19 +59,22 @@ class GraspReport:
 
     @property
     def lines(self) -> dict[str, CheckResult]:
-        """By name, as they are printed."""
+        """The checks by their printed names: FORCES, SURFACE, NUMBERS."""
         return {"FORCES": self.forces, "SURFACE": self.surface, "NUMBERS": self.numbers}
 
 
 @dataclass(frozen=True)
 class VerificationReport:
-    """What verification found, grasps in the file's order.
+    """The results of verifying a grasp file.
+
+        report = verify_file("box.grasp.yaml")
+        print(report.holds, [grasp.lines for grasp in report.grasps])
 
     Attributes:
         path: the grasp file.
-        grasps: one report each, in the order of the file.
-        model_checked: whether the model was there to check SURFACE against.
-        warnings: what loading the model says, and what the file does not state.
+        grasps: one report for each grasp, in the file's order.
+        model_checked: whether the model was found, so that surfaces could be checked.
+        warnings: warnings of loading the model, and what was not checked, one sentence each.
     """
 
     path: Path
@@ -72,10 +84,10 @@ class VerificationReport:
 
     @property
     def holds(self) -> bool | None:
-        """True if there are grasps and everything about them was checked and holds.
+        """True if there are grasps and all checks of all of them hold.
 
-        False if there are none or something does not hold. None if nothing fails, but the model was
-        not there to check SURFACE against, or a plant leaves a grasp undecided.
+        False if there are no grasps or a check fails. None if no check fails, but the model was not
+        found, or a plant leaves a grasp undecided.
         """
         lines = [line for grasp in self.grasps for line in grasp.lines.values()]
         plants = {grasp.plant.verdict for grasp in self.grasps if grasp.plant is not None}
@@ -86,11 +98,11 @@ class VerificationReport:
 
     @property
     def plant_checked(self) -> bool:
-        """Whether a plant was asked about every grasp."""
+        """Whether every grasp was checked in a plant."""
         return all(grasp.plant is not None for grasp in self.grasps)
 
     @property
     def plant_decided(self) -> bool:
-        """Whether a plant that was asked about a grasp says that it holds or that it fails."""
+        """Whether each grasp that was checked in a plant holds or fails there."""
         asked = [grasp.plant for grasp in self.grasps if grasp.plant is not None]
         return all(plant.verdict is not Verdict.UNDECIDED for plant in asked)

@@ -1,9 +1,9 @@
-"""Verifies a grasp file without the planner: what is in it is proved, recomputed or not checked.
+"""Checks a grasp file without the planner: each claim is proved, recomputed or not checked.
 
-FORCES needs the file's numbers alone: the internal force proves force closure in exact
-arithmetic. SURFACE needs the model: it is the one that was planned on, and each contact lies on
-its exposed surface, along its normal, with no more friction than it has. NUMBERS recomputes what
-the file says of the grasp's quality; a number that flatters the grasp is refused.
+FORCES needs only the file: the internal force proves force closure in exact arithmetic. SURFACE
+needs the model, unchanged since it was planned on: each contact lies on its exposed surface, along
+its normal, with at most its friction. NUMBERS recomputes the certificate; a number that is more
+favourable than the recomputed one is rejected.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from drake_polygrasp.verification.report import CheckResult, GraspReport, Status
 
 @dataclass(frozen=True)
 class _Model:
-    """The model a file names, or why SURFACE cannot be checked against it."""
+    """The model that a file names, or why SURFACE cannot be checked against it."""
 
     object_: GraspObject | None
     line: CheckResult
@@ -62,20 +62,31 @@ def verify_file(
     scene: Path | str | None = None,
     progress: Progress | None = None,
 ) -> VerificationReport:
-    """Checks everything a grasp file claims.
+    """Checks all claims of a grasp file, without the planner.
+
+    For each grasp, FORCES proves force closure in exact arithmetic, SURFACE compares contacts,
+    normals and friction with the model that the file names, and NUMBERS recomputes the certificate.
+
+        report = verify_file("box.grasp.yaml")
+        if not report.holds:
+            print([check for grasp in report.grasps for check in grasp.lines.values()])
 
     Args:
         path: the grasp file, which is not changed.
         package_paths: folders searched for the packages of package:// URIs.
         packages: folders of packages by name.
-        plant: whether to have each grasp that is borne out hold the model in a MultibodyPlant,
-            as `certify_in_plant` does.
-        scene: with `plant`: model directives that hold the object and other bodies, which no
-            fingertip may penetrate at their default poses; see `load_surroundings`.
-        progress: called with how many grasps are checked, and how many there are.
+        plant: whether to check each grasp whose other checks hold in a MultibodyPlant too, like
+            `certify_in_plant`.
+        scene: for `plant`: model directives with the object and other bodies, which no fingertip
+            may penetrate at their default poses; see `load_surroundings`.
+        progress: called with the number of grasps that are checked and the number of all.
+
+    Returns:
+        The results. `holds` is True if all checks hold, False if one fails, and None if none fails
+        but the model was not found or a plant leaves a grasp undecided.
 
     Raises:
-        UsageError: when an argument is not what it may be.
+        UsageError: when an argument has the wrong type, or there is a scene without `plant`.
         GraspFileError: when the file cannot be read or breaks the format.
         ModelError: when one of `package_paths` or `packages` is no folder, or the scene cannot be
             loaded or does not hold the object.
@@ -89,7 +100,7 @@ def verify_file(
         raise UsageError("a scene is for the plant that grasps are checked in: add plant=True")
     file = load_grasps(path)
     model, avoided = _find_model(file, package_paths, packages), file.plan.exclusion
-    # A file may state numbers of any size; every comparison below fails on what overflows.
+    # A file may state numbers of any size; every comparison below fails if one overflows.
     with np.errstate(all="ignore"):
         grasps: list[GraspReport] = []
         for stated in file.grasps:
@@ -145,13 +156,13 @@ def _with_plant(
     packages: Mapping[str, str | Path] | None,
     surroundings: Surroundings | None,
 ) -> GraspReport:
-    """The report with what a plant says of the grasp, if its lines all hold."""
-    # Simulation is loaded by those who ask for it.
+    """Adds the verdicts of a plant to a report in which no check fails."""
+    # Simulation is loaded only if it is asked for.
     from drake_polygrasp.plant.certify_in_plant import certify_in_plant
 
     if any(line.status is Status.FAILED for line in report.lines.values()):
         return report
-    said = certify_in_plant(
+    verdicts = certify_in_plant(
         object_,
         stated,
         tip_radius=stated.tip_radius or 0.0,
@@ -159,11 +170,11 @@ def _with_plant(
         packages=packages,
         surroundings=surroundings,
     )
-    return replace(report, plant=said)
+    return replace(report, plant=verdicts)
 
 
 def _line(passed: Status, faults: Iterable[str]) -> CheckResult:
-    """FAILED with the first fault, if there is one."""
+    """Returns the status `passed`, or FAILED with the first fault if there is one."""
     fault = next(iter(faults), None)
     return CheckResult(passed) if fault is None else CheckResult(Status.FAILED, fault)
 
@@ -173,7 +184,7 @@ def _find_model(
     package_paths: Sequence[Path | str],
     packages: Mapping[str, str | Path] | None,
 ) -> _Model:
-    """The model a file names: missing, changed, not what the file says of it, or as it was."""
+    """Loads the model that a file names, or finds it missing, changed or not as stated."""
     stated, mu = file.object_, file.plan.mu
     package_map = find_packages(file.path, package_paths, packages)
     try:
@@ -191,7 +202,7 @@ def _find_model(
         return _missing(str(error))
     except ModelError as error:
         return _Model(None, CheckResult(Status.FAILED, str(error)))
-    line = _line(Status.RECOMPUTED, _object_faults(stated, object_))
+    line = _line(Status.RECOMPUTED, _object_violations(stated, object_))
     if line.status is Status.FAILED:
         return _Model(None, line)
     asked = (
@@ -206,8 +217,8 @@ def _missing(reason: str) -> _Model:
     )
 
 
-def _object_faults(stated: StatedObject, object_: GraspObject) -> Iterator[str]:
-    """Where the file's object differs from the model's."""
+def _object_violations(stated: StatedObject, object_: GraspObject) -> Iterator[str]:
+    """Yields one message for each number in which the file's object differs from the model's."""
     num_faces = len(object_.polyhedron.faces)
     if stated.num_faces != num_faces:
         yield f"num_faces is {stated.num_faces}, the model has {num_faces}"
@@ -232,19 +243,19 @@ def _close(stated: float | None, true: float | None) -> bool:
 def _check_surface(
     stated: StatedGrasp, object_: GraspObject, avoided: Exclusion
 ) -> tuple[CheckResult, float | None]:
-    """The line, and the least distance from a contact to an edge of its face [m]."""
+    """Checks SURFACE; returns also the least distance of a contact to an edge of its face [m]."""
     grasp, polyhedron = stated.grasp, object_.polyhedron
     touched = locate_contacts(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
-    line = _line(Status.RECOMPUTED, _surface_faults(stated, polyhedron, touched, avoided))
+    line = _line(Status.RECOMPUTED, _surface_violations(stated, polyhedron, touched, avoided))
     if line.status is Status.FAILED:
         return line, None
     return line, float(edge_distance(polyhedron, grasp.p_BC, touched.face).min())
 
 
-def _surface_faults(
+def _surface_violations(
     stated: StatedGrasp, polyhedron: Polyhedron, touched: LocatedContacts, avoided: Exclusion
 ) -> Iterator[str]:
-    """Where the surface has other contacts than the file, or ones that its plan avoids."""
+    """Yields one message for each contact that the surface does not have, or the plan avoids."""
     grasp, x = stated.grasp, stated.certificate.internal_force
     mu = grasp.mu.copy()
     for i, k in enumerate(touched.face):
@@ -256,7 +267,7 @@ def _surface_faults(
     for i, is_avoided in enumerate(avoided.avoids(grasp.nhat_TB_B, touched.face)):
         if is_avoided:
             yield f"contact {i + 1} is where the plan says that no finger may be"
-    # On the boundary of closure the tolerances above would let pass what does not hold.
+    # Near the boundary of force closure, errors within the tolerances above could matter.
     true = replace(grasp, p_BC=touched.p_BC, nhat_TB_B=touched.nhat_TB_B, mu=mu)
     if check_proof(grasp, x).ok and not (check := check_proof(true, x)).ok:
         yield f"with the surface's own points and normals, {check.reason}"

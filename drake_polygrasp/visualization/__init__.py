@@ -1,17 +1,17 @@
-"""Looking at objects and grasps: Meshcat in 3-D, matplotlib for the paper's planes.
+"""Draws objects and grasps: in 3-D with Meshcat, on the paper's planes with matplotlib.
 
 | file | what it draws |
 |---|---|
-| scene.py | an object and its grasps in a Meshcat, one's own or a new one |
-| page.py | all of a Meshcat as one web page that needs no server, with buttons |
-| figures.py | what each section of the paper computes for one set of faces (needs matplotlib) |
-| explanation.py | what became of a set of faces, and why (needs matplotlib) |
+| scene.py | an object and its grasps in a Meshcat |
+| page.py | a Meshcat as one web page that needs no server, with a panel of grasps |
+| figures.py | the planes on which the paper plans for one set of faces (needs matplotlib) |
+| explanation.py | why a set of faces has a grasp or none (needs matplotlib) |
 | directions.py | friction cones on the sphere of directions (needs matplotlib) |
-| plane_axes.py | what figures are drawn with (needs matplotlib) |
+| plane_axes.py | shapes, lines and marks of those figures (needs matplotlib) |
 | sketch.py | a still 3-D picture of a grasp (needs matplotlib) |
-| palette.py | the colours of all of them |
-| labels.py | numbers of faces as shapes |
-| meshes.py | triangles and edges of faces |
+| palette.py | the colours that scenes and figures share |
+| labels.py | face numbers as flat shapes |
+| meshes.py | triangles and edges of faces, to be drawn |
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The figure of `polygrasp explain`: why a set of faces ended as it did."""
+"""Draws why a set of faces has a grasp or none: the figure of `polygrasp explain`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
 def draw_explanation(
     object_: GraspObject, explanation: Explanation, faces: Sequence[int] | None = None
 ) -> Figure:
-    """Draws what became of one set of faces, by the paper, or of all of them.
+    """Draws the paper's steps for one set of faces and how they end, or the ends of all sets.
+
+        figure = draw_explanation(box, explain_sets(box, method="paper"), (0, 1, 4))
+        figure.savefig("why.png")
 
     Args:
-        object_: what to grasp.
-        explanation: what `explain_sets` says of it.
-        faces: indices of two or three faces (default: counts of all sets' ends are drawn).
+        object_: object to grasp.
+        explanation: result of `explain_sets` for it.
+        faces: indices of two or three faces (default: a bar chart of the reasons of all sets).
 
     Returns:
         The figure.
@@ -32,19 +35,19 @@ def draw_explanation(
         figure = Figure(figsize=(7.0, 0.8 + 0.4 * len(counts)), layout="constrained")
         draw_reasons(figure.add_subplot(), counts)
         return figure
-    its = trace_set(object_, faces, explanation.edge_clearance)
-    return draw_trace(its, object_, explanation.tip_radius, _ending(its, explanation))
+    trace = trace_set(object_, faces, explanation.edge_clearance)
+    return draw_trace(trace, object_, explanation.tip_radius, _ending(trace, explanation))
 
 
-def _ending(its: SetTrace, explanation: Explanation) -> str:
-    """The reason and its meaning; of sets of several regions, the best end."""
-    wanted = {*its.faces}
+def _ending(trace: SetTrace, explanation: Explanation) -> str:
+    """Says how a set ended and what that means; if it has several regions, the best of its ends."""
+    wanted = {*trace.faces}
     rows = zip(explanation.faces.tolist(), explanation.reasons, strict=True)
     found = {reason for row, reason in rows if {*row} - {-1} == wanted}
-    if "certified" in found and its.p_BC is None:
-        return f"certified beyond the paper, whose own steps end here: {MEANING[its.reason][1]}"
+    if "certified" in found and trace.p_BC is None:
+        return f"certified beyond the paper, whose own steps end here: {MEANING[trace.reason][1]}"
     if "certified" in found:
         return f"certified: {MEANING['certified'][1]}"
-    # Where it is not a step of the paper that ended the set, what did came before or later.
-    end = its.reason if its.reason in found else max(found, key=REASONS.index)
+    # A set may also be ended before the paper's steps, or after them.
+    end = trace.reason if trace.reason in found else max(found, key=REASONS.index)
     return f"rejected, {end}: {MEANING[end][1]}"

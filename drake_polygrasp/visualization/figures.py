@@ -1,7 +1,7 @@
-"""The paper's planes for one set of faces, as figures: what Sections 4 to 7 compute on each.
+"""Draws the planes on which Sections 4 to 7 of the paper plan for one set of faces.
 
-Lengths in mm. Faces and contacts 1, 2, 3 have the colours of the 3-D scene, and hatching of their
-own for print.
+Axes are in mm. Faces and contacts 1, 2, 3 have the colours of the 3-D scene, and their own hatching
+for print.
 """
 
 from __future__ import annotations
@@ -41,12 +41,20 @@ from drake_polygrasp.visualization.plane_axes import (
 from drake_polygrasp.visualization.sketch import draw_faces
 from drake_polygrasp.wrenches.contacts import edge_forces
 
-Tip = tuple[shapely.Polygon, bool]
-"""A fingertip on Pi_p [m], seen along N, and whether the object leaves room for it."""
+_Tip = tuple[shapely.Polygon, bool]
+"""A fingertip seen along N, as a disc on Pi_p [m], and whether it fits beside the object."""
 
 
 def save_figure(figure: Figure, file: Path) -> None:
-    """Writes a figure; UsageError when the file's kind is unknown or it cannot be written."""
+    """Writes a figure to a file.
+
+    Args:
+        figure: the figure.
+        file: file to write; its ending says the format (.png, .pdf, .svg).
+
+    Raises:
+        UsageError: when the format is unknown or the file cannot be written.
+    """
     try:
         figure.savefig(file, dpi=150)
     except ValueError as error:
@@ -56,28 +64,33 @@ def save_figure(figure: Figure, file: Path) -> None:
 
 
 def draw_trace(
-    its: SetTrace,
+    trace: SetTrace,
     object_: GraspObject | None = None,
     tip_radius: float = 0.0,
     ending: str | None = None,
 ) -> Figure:
-    """One panel for each plane that the set came to, and one for the forces that hold.
+    """Draws a panel for each plane that the paper reaches for a set, and one for contact forces.
+
+        draw_trace(trace_set(box, (0, 1, 4)), box).savefig("planes.png")
 
     Args:
-        its: what `trace_set` found.
-        object_: drawn too, in 3-D and where Pi_p cuts it, if given.
-        tip_radius: of fingertips to draw on Pi_p [m].
-        ending: what to say of the set's end (default: what the trace says).
+        trace: the set of faces, as `trace_set` returns it.
+        object_: its object, drawn in 3-D and where Pi_p cuts it (default: not drawn).
+        tip_radius: radius of the fingertips drawn on Pi_p [m]; 0 for none.
+        ending: text on how the set ends (default: the trace's reason).
+
+    Returns:
+        The figure.
     """
-    on_pi_p = partial(draw_pi_p, object_=object_, tips=_tips(its, object_, tip_radius))
+    on_pi_p = partial(_draw_pi_p, object_=object_, tips=_tips(trace, object_, tip_radius))
     panels: list[tuple[Callable[..., None], Any]] = [
         (draw, plane)
         for draw, plane in (
-            (draw_directions, its if its.reason == "orientation" else None),
-            (draw_pi_l, its.on_pi_l),
-            (draw_pi_s, its.on_pi_s),
-            (on_pi_p, its.on_pi_p),
-            (draw_forces, None if its.p_BC is None else its),
+            (draw_directions, trace if trace.reason == "orientation" else None),
+            (_draw_pi_l, trace.on_pi_l),
+            (_draw_pi_s, trace.on_pi_s),
+            (on_pi_p, trace.on_pi_p),
+            (_draw_forces, None if trace.p_BC is None else trace),
         )
         if plane is not None
     ]
@@ -87,30 +100,30 @@ def draw_trace(
     figure = Figure(figsize=(5.0 * columns, 0.8 + 4.6 * rows), layout="constrained")
     if object_ is not None:
         ax = figure.add_subplot(rows, columns, 1, projection="3d")
-        draw_faces(ax, object_, its.faces)
+        draw_faces(ax, object_, trace.faces)
         ax.set_title("the set of faces")
-    figure.suptitle(f"{_what(its)}\n{ending or _end(its)}")
+    figure.suptitle(f"{_what(trace)}\n{ending or _end(trace)}")
     for i, (draw, argument) in enumerate(panels, start=count - len(panels) + 1):
         draw(figure.add_subplot(rows, columns, i), argument)
     return figure
 
 
-def _what(its: SetTrace) -> str:
-    faces = ", ".join(map(str, dict.fromkeys(its.faces)))
-    pair = len({*its.faces}) == 2
-    kind = "two faces" if pair else "parallel" if its.is_parallel else "non-parallel"
-    if its.reason == "orientation":
+def _what(trace: SetTrace) -> str:
+    faces = ", ".join(map(str, dict.fromkeys(trace.faces)))
+    pair = len({*trace.faces}) == 2
+    kind = "two faces" if pair else "parallel" if trace.is_parallel else "non-parallel"
+    if trace.reason == "orientation":
         kind = "two faces" if pair else "three faces"
-    angles = f"phi = {np.degrees(its.phi):.1f}°, alpha = {np.degrees(its.alpha):.1f}°"
+    angles = f"phi = {np.degrees(trace.phi):.1f}°, alpha = {np.degrees(trace.alpha):.1f}°"
     return f"faces {faces} ({kind}): {angles}"
 
 
-def _end(its: SetTrace) -> str:
-    return "contacts found" if its.p_BC is not None else f"rejected: {its.reason}"
+def _end(trace: SetTrace) -> str:
+    return "contacts found" if trace.p_BC is not None else f"rejected: {trace.reason}"
 
 
-def draw_pi_l(ax: Axes, plane: OnPiL) -> None:
-    """Projections A_i^l, their strips along n'_i, R^l and the cones C_ri at its centroid."""
+def _draw_pi_l(ax: Axes, plane: OnPiL) -> None:
+    """Draws projections A_i^l, their strips along n'_i, R^l and the cones C_ri at its centroid."""
     prepare(ax, r"$\Pi_l$ (4.1): strips, $R^l$, cones $C_{ri}$", plane.faces)
     reach = reach_of(plane.faces)
     for i, colour in enumerate(CONTACTS):
@@ -128,8 +141,8 @@ def draw_pi_l(ax: Axes, plane: OnPiL) -> None:
     add_legend(ax)
 
 
-def draw_pi_s(ax: Axes, plane: OnPiS) -> None:
-    """Projections A_i^s and their hull, R^s, the part that Section 5 starts from, and Pi_p."""
+def _draw_pi_s(ax: Axes, plane: OnPiS) -> None:
+    """Draws projections A_i^s and their hull, R^s, the part where Section 5 starts, and Pi_p."""
     prepare(ax, r"$\Pi_s$ (4, 5): $R^s$ and $\Pi_p$, edge on", plane.faces)
     reach = MM * reach_of(plane.faces)
     if plane.low is not None and plane.high is not None:
@@ -153,7 +166,7 @@ def draw_pi_s(ax: Axes, plane: OnPiS) -> None:
 
 
 def _draw_heights(ax: Axes, heights: Array) -> None:
-    """Beside the faces, the heights of their portions A_li: R^s is what they have in common."""
+    """Draws the heights of portions A_li beside the faces; R^s is their intersection."""
     left, right = ax.get_xlim()
     step = 0.06 * (right - left)
     for i, (low, high) in enumerate(MM * heights):
@@ -166,30 +179,24 @@ def _draw_heights(ax: Axes, heights: Array) -> None:
     ax.set_xlim(left, right + 3.5 * step)
 
 
-def _tips(its: SetTrace, object_: GraspObject | None, radius: float) -> list[Tip]:
-    if object_ is None or its.p_BC is None or its.on_pi_p is None or not radius:
+def _tips(trace: SetTrace, object_: GraspObject | None, radius: float) -> list[_Tip]:
+    if object_ is None or trace.p_BC is None or trace.on_pi_p is None or not radius:
         return []
-    # Patches only lie near the surface.
-    projected = project_contacts(object_.polyhedron, its.p_BC, np.array(its.faces))
+    # Contacts on patches are near the surface, not on it.
+    projected = project_contacts(object_.polyhedron, trace.p_BC, np.array(trace.faces))
     fits = projected.ok & fingertip_fits(
         object_.polyhedron, projected.p_BC, projected.nhat_TB_B, radius
     )
-    p_BT = (its.p_BC - radius * its.nhat_TB_B) @ its.on_pi_p.axes_B.T
+    p_BT = (trace.p_BC - radius * trace.nhat_TB_B) @ trace.on_pi_p.axes_B.T
     return list(zip(shapely.buffer(shapely.points(p_BT), radius), fits.tolist(), strict=True))
 
 
-def draw_pi_p(
-    ax: Axes, plane: OnPiP, object_: GraspObject | None = None, tips: Sequence[Tip] = ()
+def _draw_pi_p(
+    ax: Axes, plane: OnPiP, object_: GraspObject | None = None, tips: Sequence[_Tip] = ()
 ) -> None:
-    """Segments a_i, region P, the lines L_i through its centroid, and the contacts P_i.
+    """Draws segments a_i, region P, the lines L_i through its centroid, and the contacts P_i.
 
-    Where P is empty, instead of L_i the strips of which it would be the common part.
-
-    Args:
-        ax: where to draw.
-        plane: what to draw.
-        object_: drawn too, where Pi_p cuts it.
-        tips: drawn too.
+    If P is empty, the strips that do not meet are drawn instead of L_i.
     """
     shapes = [*plane.segments, *(disc for disc, _ in tips)]
     if object_ is not None:
@@ -244,36 +251,37 @@ def _draw_contacts(ax: Axes, plane: OnPiP, concurrent: bool) -> None:
         style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
         ax.annotate(f"$P_{i + 1}$", MM * point, (x, y), **style)
     if concurrent:
-        # Least squares over the lines through P_i along n'_i.
+        # P_I by least squares over the lines through P_i along n'_i.
         off = np.column_stack([-plane.nprime[:, 1], plane.nprime[:, 0]])
         P_I = np.linalg.lstsq(off, (off * plane.contacts).sum(axis=1), rcond=None)[0]
         mark(ax, P_I, "*", "$P_I$")
 
 
-def draw_forces(ax: Axes, its: SetTrace) -> None:
-    """The planar cones, Pi_p cut with C_fi, and internal forces head to tail: they close.
+def _draw_forces(ax: Axes, trace: SetTrace) -> None:
+    """Draws the planar cones, in which Pi_p cuts C_fi, and internal forces head to tail.
 
-    Their sizes are parts of the whole normal force; each cone stands where its force begins.
+    The forces close to a triangle. Sizes are fractions of the total normal force; each cone has its
+    apex where its force begins.
     """
     ax.set_title("planar cones, and forces that cancel head to tail")
     ax.set_aspect("equal")
-    if its.p_BC is None or its.on_pi_p is None:
+    if trace.p_BC is None or trace.on_pi_p is None:
         return
-    batch = its.p_BC[None], its.nhat_TB_B[None], its.mu[None]
-    f_Bc_B = edge_forces(its.p_BC[None], find_internal_forces(*batch))[0]
+    batch = trace.p_BC[None], trace.nhat_TB_B[None], trace.mu[None]
+    f_Bc_B = edge_forces(trace.p_BC[None], find_internal_forces(*batch))[0]
     if not np.isfinite(f_Bc_B).all():
         ax.text(0.5, 0.5, "no internal force exists", transform=ax.transAxes, ha="center")
         return
-    normal = (f_Bc_B * its.nhat_TB_B).sum(axis=1)
-    if (normal * np.hypot(1, its.mu) < np.linalg.norm(f_Bc_B, axis=1)).any():
+    normal = (f_Bc_B * trace.nhat_TB_B).sum(axis=1)
+    if (normal * np.hypot(1, trace.mu) < np.linalg.norm(f_Bc_B, axis=1)).any():
         ax.set_title("forces that cancel leave the cones")
-    axes_B = its.on_pi_p.axes_B
-    f, nprime = f_Bc_B @ axes_B.T, its.on_pi_p.nprime
-    # A plane at angle phi_i to the axis cuts the cone of half-angle alpha_i at beta_i.
-    cosine = np.linalg.norm(its.nhat_TB_B @ axes_B.T, axis=1)
-    beta = np.arccos(np.minimum(1, 1 / np.hypot(1, its.mu) / cosine))
+    axes_B = trace.on_pi_p.axes_B
+    f, nprime = f_Bc_B @ axes_B.T, trace.on_pi_p.nprime
+    # A plane at angle phi_i to a cone's axis cuts the cone of half-angle alpha_i at beta_i.
+    cosine = np.linalg.norm(trace.nhat_TB_B @ axes_B.T, axis=1)
+    beta = np.arccos(np.minimum(1, 1 / np.hypot(1, trace.mu) / cosine))
     tail = np.zeros(2)
-    # Forces along one line are drawn side by side.
+    # Forces along one line are drawn beside each other.
     apart = 0.15 * np.array([f[0, 1], -f[0, 0]]) * (abs(np.linalg.det(f[:2])) < 1e-3)
     for i, colour in enumerate(CONTACTS):
         size = 1.25 * float(np.linalg.norm(f[i]))
@@ -288,7 +296,12 @@ def draw_forces(ax: Axes, its: SetTrace) -> None:
 
 
 def draw_reasons(ax: Axes, counts: Mapping[str, int]) -> None:
-    """How many sets of faces ended with each reason, in the order of the steps."""
+    """Draws a bar chart of how many sets of faces ended with each reason.
+
+    Args:
+        ax: axes to draw on.
+        counts: number of sets by reason, in the order of the bars: `Explanation.counts`.
+    """
     names = list(counts)
     colours = [PLANE if name == "certified" else OBJECT for name in names]
     bars = ax.barh(names, [counts[name] for name in names], color=colours)

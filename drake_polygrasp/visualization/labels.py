@@ -1,6 +1,6 @@
-"""Numbers of faces as flat shapes: Meshcat draws no text.
+"""Makes face numbers as flat shapes, because Meshcat draws no text.
 
-Digits are polylines on a grid of 4 x 6, thickened.
+Digits are thickened polylines on a grid of 4 x 6.
 """
 
 from __future__ import annotations
@@ -28,9 +28,12 @@ _THICKNESS = 0.9
 
 
 def number_shape(number: int) -> shapely.MultiPolygon:
-    """A whole number upright around the origin, its digits 1 high.
+    """Returns a number as a shape, upright about the origin, with digits of height 1.
 
-    One that reads as another upside down, like 6, is underlined as on dice.
+    A number that reads as another upside down, like 6, is underlined as on dice.
+
+    Args:
+        number: whole number, 0 or more.
     """
     text = str(number)
     strokes = [np.add(_STROKES[c], (_PITCH * i, 0)) for i, c in enumerate(text)]
@@ -43,12 +46,20 @@ def number_shape(number: int) -> shapely.MultiPolygon:
 
 
 def label_F(face: Face, number: int, largest: float, keep_clear_B: Array) -> shapely.MultiPolygon:
-    """The number on its face, in the coordinates of Fx and Fy [m], upright as seen from outside.
+    """Places the number of a face on it, upright as seen from outside.
 
-    Upright is towards Bz, on faces about level with it towards By. It stands at the face's
-    centroid where there is room, else in the middle of its largest disc; digits are as high as
-    fits, `largest` [m] at most. Points `keep_clear_B` [m], shape (K, 3), are avoided if the rest
-    of the face has room for as high digits.
+    Upright is towards Bz, or towards By on faces nearly orthogonal to Bz. The number stands at the
+    face's centroid if there is room, else at the centre of its largest disc.
+
+    Args:
+        face: the face.
+        number: its number.
+        largest: greatest height of the digits [m]; they are smaller if the face has less room.
+        keep_clear_B: points in B that the number avoids if digits of full height fit elsewhere [m],
+            shape (K, 3).
+
+    Returns:
+        The shape, in the coordinates along Fx and Fy [m].
     """
     shape = number_shape(number)
     reach = np.linalg.norm(shapely.get_coordinates(shape), axis=1).max() / 0.8
@@ -66,7 +77,7 @@ def label_F(face: Face, number: int, largest: float, keep_clear_B: Array) -> sha
 
 
 def _room(shape: shapely.Geometry) -> tuple[Array, float]:
-    """Where on a face there is room, and the radius of that room [m]."""
+    """Finds the centre of a disc within a shape, and its radius [m]."""
     if shapely.is_empty(shape):
         return np.zeros(2), 0.0
     circle = shapely.maximum_inscribed_circle(shape)  # a segment, from centre to border

@@ -1,7 +1,7 @@
-"""A Meshcat as one web page: it opens offline, with buttons through the ranked grasps.
+"""Writes a Meshcat as one web page that opens offline, with buttons for the ranked grasps.
 
-Meshcat's own sliders are lost in its static page, for they need the server. The page gets a panel
-of its own, which also says what the colours stand for.
+Meshcat's own sliders need its server and are lost in a static page. The page gets a panel instead,
+which also explains the colours.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from drake_polygrasp.visualization.palette import CONTACTS, INK, PLANE
 from drake_polygrasp.visualization.scene import PATH, AnyGrasp
 from drake_polygrasp.wrenches.contacts import edge_forces
 
-NOTE = (
+_NOTE = (
     "Drag to turn, scroll to zoom. Spheres are fingertips, cones friction, arrows the forces that "
     "squeeze the object; in the dark discs each contact may be misplaced."
 )
@@ -34,14 +34,18 @@ def save_html(
     title: str = "drake_polygrasp",
     path: str = PATH,
 ) -> None:
-    """Writes all that a Meshcat shows, a recording included, as one page that needs no network.
+    """Writes all that a Meshcat shows, with its recording, as one page that needs no network.
+
+        draw_grasps(meshcat, box, plan.grasps)
+        look_at(meshcat, box)
+        save_html("box.html", meshcat, plan.grasps)
 
     Args:
-        file: the page.
-        meshcat: where `draw_grasps` has drawn.
-        grasps: the same grasps, for the panel; none: no panel.
-        title: what the panel and the browser's tab say.
-        path: the path they were drawn below.
+        file: page to write.
+        meshcat: Meshcat in which `draw_grasps` has drawn.
+        grasps: the grasps that it has drawn, for the panel; empty for no panel.
+        title: title of the panel and of the browser's tab.
+        path: path below which they were drawn.
 
     Raises:
         UsageError: when `file` cannot be written.
@@ -50,8 +54,8 @@ def save_html(
     if grasps:
         scene = {
             "title": title,
-            "note": NOTE,
-            # Drake puts relative paths below its own.
+            "note": _NOTE,
+            # Drake puts relative paths below /drake.
             "path": PurePosixPath("/drake", path, "grasps").parts[1:],
             "grasps": [
                 [("grasp", f"{rank} of {len(grasps)}"), *_rows(grasp)]
@@ -70,7 +74,7 @@ def save_html(
 
 
 def _rows(grasp: AnyGrasp) -> list[tuple[Any, ...]]:
-    """What the panel says of a grasp: name, value and, where it explains one, a colour."""
+    """Returns the panel's rows on a grasp: name, value and, for drawn parts, a colour."""
     contacts, certificate = grasp.grasp, grasp.certificate
     squeeze = certificate.squeeze_force
     f_Bc_B = edge_forces(contacts.p_BC[None], certificate.internal_force[None])[0]

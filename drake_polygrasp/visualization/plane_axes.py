@@ -1,4 +1,4 @@
-"""What figures of the paper's planes are drawn with: metres here, mm on the axes."""
+"""Draws the parts of figures of the paper's planes: arguments in m, axes in mm."""
 
 from __future__ import annotations
 
@@ -15,11 +15,17 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.visualization.palette import CONTACTS, HATCHES, INK
 
 MM = 1e3
-"""Per metre."""
+"""Millimetres in a metre."""
 
 
 def prepare(ax: Axes, title: str, shapes: Any) -> None:
-    """Limits that show all shapes, whatever is drawn across them later."""
+    """Sets the title, equal scales, and limits that show all shapes with a margin.
+
+    Args:
+        ax: axes to draw on.
+        title: title, to which the unit is added.
+        shapes: shapely geometries to show [m].
+    """
     box = MM * shapely.total_bounds(shapes)
     margin = 0.12 * max(box[2] - box[0], box[3] - box[1])
     ax.set_xlim(box[0] - margin, box[2] + margin)
@@ -29,12 +35,23 @@ def prepare(ax: Axes, title: str, shapes: Any) -> None:
 
 
 def reach_of(shapes: Any) -> float:
-    """Longer than anything in view [m]."""
+    """Returns a length greater than all in view [m].
+
+    Args:
+        shapes: shapely geometries in view [m].
+    """
     return 4 * float(np.abs(shapely.total_bounds(shapes)).max())
 
 
 def draw_face(ax: Axes, shape: shapely.Geometry, i: int, label: str) -> None:
-    """A projected face; a mere segment where the face is orthogonal to the plane."""
+    """Draws a projected face, as a segment if it is orthogonal to the plane.
+
+    Args:
+        ax: axes to draw on.
+        shape: projection of the face [m].
+        i: index of the face in the set, 0 to 2, for its colour and hatching.
+        label: its entry in the legend.
+    """
     if shapely.area(shape) <= 1e-6 * shapely.length(shape) ** 2:
         ax.plot(*MM * shapely.get_coordinates(shape).T, c=CONTACTS[i], lw=4, label=label)
         return
@@ -43,7 +60,14 @@ def draw_face(ax: Axes, shape: shapely.Geometry, i: int, label: str) -> None:
 
 
 def fill(ax: Axes, shape: shapely.Geometry, label: str | None = None, **style: Any) -> None:
-    """The polygons of a shape, with their holes, under one label."""
+    """Draws the polygons of a shape, with their holes.
+
+    Args:
+        ax: axes to draw on.
+        shape: shapely geometry [m].
+        label: one entry in the legend for all of them.
+        style: properties of matplotlib's patches.
+    """
     for polygon in shapely.get_parts(shape):
         if polygon.geom_type == "Polygon" and not polygon.is_empty:
             rings = [MM * shapely.get_coordinates(ring) for ring in shapely.get_rings(polygon)]
@@ -53,7 +77,15 @@ def fill(ax: Axes, shape: shapely.Geometry, label: str | None = None, **style: A
 
 
 def draw_line(ax: Axes, point: Array, along: Array, reach: float, **style: Any) -> None:
-    """From `point`, as far as `reach` both ways."""
+    """Draws a line through a point.
+
+    Args:
+        ax: axes to draw on.
+        point: the point [m], shape (2,).
+        along: unit vector along the line, shape (2,).
+        reach: length on either side of the point [m].
+        style: properties of matplotlib's lines.
+    """
     ax.plot(*MM * np.array([point - reach * along, point + reach * along]).T, **style)
 
 
@@ -66,19 +98,40 @@ def draw_cone(
     unit: float = MM,
     **style: Any,
 ) -> None:
-    """A planar cone with sides of length `size`; `unit` makes of lengths what the axes show."""
+    """Draws a planar cone.
+
+    Args:
+        ax: axes to draw on.
+        apex: its apex [m], shape (2,).
+        axis: direction of its axis, shape (2,).
+        half_angle: angle between axis and sides [rad].
+        size: length of its sides [m].
+        unit: number of the axes' units in a unit of `apex` and `size`.
+        style: properties of matplotlib's patches.
+    """
     angle = np.arctan2(axis[1], axis[0]) + half_angle * np.linspace(-1, 1, 9)
     rim = apex + size * np.column_stack([np.cos(angle), np.sin(angle)])
     ax.add_patch(Polygon(unit * np.vstack([apex, rim]), linewidth=0, **style))
 
 
 def mark(ax: Axes, point: Array, marker: str, label: str) -> None:
-    """One point."""
+    """Draws one point.
+
+    Args:
+        ax: axes to draw on.
+        point: the point [m], shape (2,).
+        marker: matplotlib's marker.
+        label: its entry in the legend.
+    """
     ax.plot(*MM * point, marker, color=INK, markersize=8, label=label, linestyle="none")
 
 
 def add_legend(ax: Axes) -> None:
-    """Below the axes, clear of the ticks however high the axes are."""
+    """Adds a legend below the axes, clear of the ticks at any height of the axes.
+
+    Args:
+        ax: axes with labelled parts.
+    """
     figure = ax.get_figure()
     assert figure is not None
     below = ScaledTranslation(0, -0.25, figure.dpi_scale_trans)

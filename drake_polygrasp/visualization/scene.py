@@ -1,7 +1,7 @@
-"""An object and its grasps in Meshcat.
+"""Draws an object and its grasps in Meshcat.
 
-Everything is drawn in the body frame B below one path; who shows the body elsewhere sets that
-path's transform to X_WB. Lengths that are ours are parts of the object's diameter L.
+Everything is drawn in body frame B below one path, whose transform can be set to X_WB to show the
+body elsewhere. Sizes of marks are fractions of the object's diameter L.
 """
 
 from __future__ import annotations
@@ -29,35 +29,35 @@ from drake_polygrasp.visualization.palette import CONTACTS, COVER, INK, OBJECT, 
 from drake_polygrasp.wrenches.contacts import edge_forces
 
 PATH = "polygrasp"
-"""Where in Meshcat's tree everything goes."""
+"""Path in Meshcat's tree below which all is drawn."""
 FORCE_SCALE = 0.5
-"""Times L, ours: length of an arrow that stands for the whole normal force."""
+"""Our choice: length of an arrow for the total normal force, over L."""
 _TIP, _MARK, _CONE, _LABEL = 0.02, 0.012, 0.14, 0.06
-"""Times L: a fingertip, what marks a mere point, a friction cone's side, a face's number."""
+"""Our choice, over L: radii of fingertips and points, side of cones, height of numbers."""
 _LIFT = 1e-3
-"""Times L, ours: how far what lies on a face is lifted, lest the two flicker."""
+"""Our choice: distance of marks from the face that they lie on, over L; at 0 the two flicker."""
 _MANY = 2000
-"""Triangles, ours: beyond, they share vertices, which keeps pages small but rounds edges."""
+"""Our choice: meshes of more triangles share vertices, which keeps pages small but rounds edges."""
 
 _NOWHERE = np.empty((0, 3))
 
 AnyGrasp = CertifiedGrasp | StatedGrasp
-"""A grasp as planned, or as a file states it."""
+"""A grasp of a plan, or of a grasp file."""
 
 
 def draw_object(
     meshcat: Meshcat, object_: GraspObject, *, path: str = PATH, keep_clear_B: Array = _NOWHERE
 ) -> None:
-    """Draws an object: translucent faces with their edges and numbers, and its centre of mass.
+    """Draws an object: translucent faces with edges and numbers, and its centre of mass.
 
-    Links on its joints are light. Patches of a curved surface have neither edges nor numbers, and
-    many faces no numbers; a grasp numbers those that it touches.
+    Links on its joints are lighter. Patches of a curved surface have neither edges nor numbers;
+    faces have no numbers if there are many, except those that a grasp touches.
 
     Args:
-        meshcat: where to draw; nothing but `path` is changed.
-        object_: the object.
-        path: drawn in body frame B below `path`/object.
-        keep_clear_B: points that numbers keep away from where they can [m], shape (K, 3).
+        meshcat: Meshcat to draw in; nothing outside `path` is changed.
+        object_: object to draw.
+        path: path below which it is drawn in body frame B, as `path`/object.
+        keep_clear_B: points in B that numbers avoid if they can [m], shape (K, 3).
     """
     L, faces = object_.polyhedron.diameter, object_.polyhedron.faces
     path = f"{path}/object"
@@ -84,16 +84,16 @@ def draw_grasp(
 ) -> None:
     """Draws one grasp on its object.
 
-    In the colours of contacts 1, 2 and 3: the tint of their faces, fingertips, friction cones, the
-    internal force as arrows of `FORCE_SCALE` L for the whole normal force, and the disc in which
-    each contact may be misplaced. In the plane's colour: the grasp plane and the triangle.
+    In the colours of contacts 1, 2 and 3: their faces, fingertips and friction cones, and the
+    internal force as arrows, `FORCE_SCALE` L long for the total normal force. Dark discs show how
+    far contacts may be misplaced. The grasp plane and the contact triangle have one colour.
 
     Args:
-        meshcat: where to draw; nothing but `path` is changed.
-        object_: the object.
-        grasp: what to draw; disc and arrows are what its certificate says.
-        tip_radius: of the fingertips [m] (default: 0.02 L; 0: marked points).
-        path: drawn in body frame B below this.
+        meshcat: Meshcat to draw in; nothing outside `path` is changed.
+        object_: its object.
+        grasp: grasp to draw; arrows and discs are those of its certificate.
+        tip_radius: radius of the fingertips [m] (default: 0.02 L; 0: marked points).
+        path: path below which it is drawn in body frame B.
     """
     meshcat.Delete(path)
     L = object_.polyhedron.diameter
@@ -114,7 +114,7 @@ def draw_grasp(
         tip = _TIP * L if tip_radius is None else tip_radius
         sphere, p_BT = Sphere(tip or _MARK * L), p_BC - tip * nhat_B
         _set_shape(meshcat, f"{here}/fingertip", sphere, colour, 0.75, p_BT)
-        # Last, so that the disc shows through.
+        # Fingertips are drawn last, so that the discs show through them.
         meshcat.SetProperty(f"{here}/fingertip/<object>", "renderOrder", 2.0)
         _draw_cone(meshcat, f"{here}/friction_cone", p_BC, nhat_B, mu, _CONE * L, colour)
         _draw_arrow(meshcat, f"{here}/force", p_BC, FORCE_SCALE * L * f_Bc_B[i], 0.007 * L, colour)
@@ -134,9 +134,17 @@ def draw_grasps(
     tip_radius: float | None = None,
     path: str = PATH,
 ) -> None:
-    """Draws an object and all of its ranked grasps, the first of them visible.
+    """Draws an object and all of its ranked grasps, of which the first is visible.
 
-    Args as of `draw_grasp`; see `show_rank`.
+        draw_grasps(meshcat, box, plan.grasps)
+        show_rank(meshcat, 2, len(plan.grasps))
+
+    Args:
+        meshcat: Meshcat to draw in; nothing outside `path` is changed.
+        object_: object to draw.
+        grasps: its grasps, best first.
+        tip_radius: radius of the fingertips [m] (default: 0.02 L; 0: marked points).
+        path: path below which all is drawn in body frame B.
     """
     contacts_B = grasps[0].grasp.p_BC if grasps else _NOWHERE
     draw_object(meshcat, object_, path=path, keep_clear_B=contacts_B)
@@ -147,16 +155,28 @@ def draw_grasps(
 
 
 def show_rank(meshcat: Meshcat, rank: int, count: int, path: str = PATH) -> None:
-    """Shows the grasp of this rank, from 1, and hides the others of `count`."""
+    """Shows one of the grasps that `draw_grasps` drew, and hides the others.
+
+    Args:
+        meshcat: Meshcat in which they are drawn.
+        rank: rank of the grasp to show, from 1.
+        count: number of grasps.
+        path: path below which they were drawn.
+    """
     for other in range(1, count + 1):
         meshcat.SetProperty(f"{path}/grasps/{other}", "visible", other == rank)
 
 
 def look_at(meshcat: Meshcat, object_: GraspObject, grasp: AnyGrasp | None = None) -> None:
-    """Sets camera and background of a Meshcat of one's own.
+    """Sets the camera and a plain background of a Meshcat that shows only this object.
 
-    Of a few views around the object, from above, that which sees most of the grasp plane and
-    of the faces that are touched.
+    Among a few views from above around the object, it takes the one that sees most of the grasp
+    plane and of the touched faces.
+
+    Args:
+        meshcat: Meshcat whose camera is set.
+        object_: object to look at, drawn with B at the world's origin.
+        grasp: grasp to see (default: the object only).
     """
     for path in ("/Grid", "/Axes"):
         meshcat.SetProperty(path, "visible", False)
@@ -171,23 +191,37 @@ def look_at(meshcat: Meshcat, object_: GraspObject, grasp: AnyGrasp | None = Non
 
 
 def best_view(grasp: AnyGrasp | None) -> Array:
-    """Unit vector from the object to the eye, shape (3,), as `look_at` chooses it."""
+    """Returns the direction from the object to the eye that `look_at` chooses.
+
+    Args:
+        grasp: grasp to see, if any.
+
+    Returns:
+        A unit vector in B, shape (3,).
+    """
     views = _views()
     if grasp is None:
         return np.asarray(views[0])
     plane = np.abs(views @ grasp.grasp.grasp_plane.nhat_B)
-    # Rounded, so that of nearly equal views the first, a usual one, counts.
+    # Rounding makes nearly equal views ties, of which the first counts.
     return np.asarray(views[np.argmax(np.round(plane + _seen(views, grasp.grasp.nhat_TB_B), 1))])
 
 
 def view_of_faces(nhat_B: Array) -> Array:
-    """Unit vector to an eye that sees most of faces with inward normals of shape (K, 3)."""
+    """Returns the direction to the eye that sees most of some faces.
+
+    Args:
+        nhat_B: their inward unit normals, shape (K, 3).
+
+    Returns:
+        A unit vector in B, shape (3,).
+    """
     views = _views()
     return np.asarray(views[np.argmax(np.round(_seen(views, nhat_B), 1))])
 
 
 def _seen(views: Array, nhat_B: Array) -> Array:
-    """How much of the faces each view sees, shape (V,)."""
+    """Returns how much of the faces each view sees, shape (V,)."""
     return np.asarray(np.minimum(-views @ nhat_B.T, 0.5).sum(axis=1) / 3)
 
 
@@ -208,7 +242,7 @@ def _views() -> Array:
 def _draw_number(
     meshcat: Meshcat, path: str, face: Face, k: int, L: float, keep_clear_B: Array
 ) -> None:
-    """The face's number, to be read from outside only."""
+    """Draws the number of a face, visible from outside only."""
     label = label_F(face, k, _LABEL * L, keep_clear_B)
     triangles = shape_triangles(face, label, face.reach + 2 * _LIFT * L)
     _set_mesh(meshcat, path, triangles, INK, 1.0, Meshcat.SideOfFaceToRender.kFrontSide)
@@ -240,16 +274,16 @@ def _set_shape(
     p_BS: Array,
     zhat_B: Array | None = None,
 ) -> None:
-    """A shape at p_BS [m], its z axis along zhat_B."""
+    """Draws a shape at p_BS [m] with its z axis along zhat_B."""
     meshcat.SetObject(path, shape, Rgba(*rgb(colour), opacity))
     _let_through(meshcat, path, opacity)
-    # Else drawn by distance, and all meshes, with vertices in B, count as if they were at Bo.
+    # By default Meshcat draws by distance, and meshes, whose vertices are in B, count as at Bo.
     meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
     meshcat.SetTransform(path, _pose(p_BS, zhat_B))
 
 
 def _let_through(meshcat: Meshcat, path: str, opacity: float) -> None:
-    """Lets what lies behind a translucent object be drawn after it."""
+    """Allows parts behind a translucent one to be drawn after it."""
     if opacity < 1:
         meshcat.SetProperty(f"{path}/<object>", "material.depthWrite", False)
 
@@ -262,7 +296,7 @@ def _pose(p_BS: Array, zhat_B: Array | None) -> RigidTransform:
 def _draw_cone(
     meshcat: Meshcat, path: str, p_BC: Array, nhat_B: Array, mu: float, side: float, colour: str
 ) -> None:
-    """A friction cone with sides of one length, however wide."""
+    """Draws a friction cone, with sides of one length for any friction."""
     height = side / np.hypot(1.0, mu)
     cone = MeshcatCone(height, mu * height, mu * height)
     _set_shape(meshcat, path, cone, colour, 0.3, p_BC, nhat_B)
@@ -271,7 +305,7 @@ def _draw_cone(
 def _draw_arrow(
     meshcat: Meshcat, path: str, p_BA: Array, v_B: Array, radius: float, colour: str
 ) -> None:
-    """An arrow from p_BA [m] along v_B [m]; short ones are all head."""
+    """Draws an arrow from p_BA [m] along v_B [m]; a short one is only a head."""
     length = float(np.linalg.norm(v_B))
     if length == 0:
         return
@@ -290,11 +324,11 @@ def _draw_arrow(
 def _draw_plane(
     meshcat: Meshcat, path: str, object_: GraspObject, nhat_B: Array, p_BC: Array
 ) -> None:
-    """The part of the grasp plane around the object, as a rectangle."""
+    """Draws a rectangle of the grasp plane around the object."""
     axes = RotationMatrix.MakeFromOneVector(nhat_B, 2).matrix()[:, :2]
     L = object_.polyhedron.diameter
     xy = (surface_vertices(object_.polyhedron) - p_BC[0]) @ axes
-    # Where corners of the hull are one but for rounding, GEOS 3.14 returns a sliver.
+    # GEOS 3.14 returns a sliver if corners of the hull are equal up to rounding.
     hull = shapely.set_precision(shapely.convex_hull(shapely.multipoints(xy)), 1e-9 * L)
     around = shapely.buffer(shapely.oriented_envelope(hull), 0.06 * L, join_style="mitre")
     corners = p_BC[0] + shapely.get_coordinates(around)[:4] @ axes.T

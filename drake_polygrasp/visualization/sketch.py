@@ -1,4 +1,4 @@
-"""A grasp in a still 3-D picture, for notebooks and print, in the colours of the Meshcat scene."""
+"""Draws a grasp in a still 3-D picture, in the colours of the Meshcat scene."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ _MM = 1e3
 
 
 def draw_sketch(ax: Axes3D, object_: GraspObject, grasp: AnyGrasp | None = None) -> None:
-    """Draws an object and, if there is one, a grasp of it: contacts, forces and their triangle.
+    """Draws an object and, if one is given, a grasp of it: contacts, forces and their triangle.
 
-    Without a grasp every face has its number, else those that are touched.
+        draw_sketch(plt.figure().add_subplot(projection="3d"), box, plan.grasps[0])
 
     Args:
-        ax: axes with `projection="3d"`; lengths become mm.
-        object_: the object.
-        grasp: what to draw on it.
+        ax: axes with `projection="3d"`, in mm.
+        object_: object to draw.
+        grasp: grasp to draw; only the faces that it touches are numbered (default: none, and all
+            faces are numbered).
     """
     tints = {} if grasp is None else _tints(grasp.grasp.faces)
     _draw_surface(ax, object_, tints)
@@ -43,18 +44,24 @@ def draw_sketch(ax: Axes3D, object_: GraspObject, grasp: AnyGrasp | None = None)
 
 
 def draw_faces(ax: Axes3D, object_: GraspObject, faces: Sequence[int]) -> None:
-    """Draws an object with some faces tinted and numbered; as `draw_sketch`."""
+    """Draws an object with some faces tinted and numbered.
+
+    Args:
+        ax: axes with `projection="3d"`, in mm.
+        object_: object to draw.
+        faces: indices of three faces, in the order of colours; a pair names one twice.
+    """
     _draw_surface(ax, object_, _tints(faces))
     _turn(ax, view_of_faces(np.array([-object_.polyhedron.faces[k].R_BF[:, 2] for k in faces])))
 
 
 def _tints(faces: Sequence[int]) -> dict[int, str]:
-    """Colours of faces 1, 2, 3, the first of those that a face has."""
+    """Returns the colour of each face; a face that is named twice has the first of its colours."""
     return dict(reversed(list(zip(faces, CONTACTS, strict=True))))
 
 
 def _draw_surface(ax: Axes3D, object_: GraspObject, tints: Mapping[int, str]) -> None:
-    """The surface with tinted and numbered faces; all numbered, where none is tinted."""
+    """Draws the surface; tinted faces are numbered, or all if none is tinted."""
     faces = object_.polyhedron.faces
     for colour, triangles, opacity in (
         (OBJECT, surface_triangles(object_.polyhedron), 0.2),
