@@ -20,6 +20,7 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import BodyIdentity
 from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 
 Kind = Literal["three_faces", "three_parallel_faces", "two_faces"]
 """How many faces a grasp touches; parallel are three that parallel forces hold, one against two."""
@@ -191,6 +192,39 @@ class Certificate:
     squeeze_force: float | None = field(default=None)
 
 
+@dataclass(frozen=True, eq=False)
+class RegionCertificate:
+    """Proof that a grasp stays force closure under bounded errors, all of them at once.
+
+    Wherever each contact is on its pieces of the surface, by whatever angle its normal differs and
+    however much less its friction is, within these bounds, `internal_force` is strictly inside
+    every friction cone.
+
+    Attributes:
+        placement_error: how far each contact may be off in its tangent plane [m], shape (3,).
+        tilt_error: angle by which each normal may differ from the surface's [rad].
+        friction_error: share by which each friction coefficient may be less.
+        com_error: how far the centre of mass may be off [m]; counts for the bounds below.
+        internal_force: x_12, x_13, x_23 [1/m], shape (3,).
+        pieces: for each contact, convex pieces that cover the surface that it may touch.
+        epsilon_lower: lower bound of the least epsilon under these errors; None where none is
+            known.
+        epsilon_upper: upper bound of it, likewise.
+        squeeze_force: total normal force that holds the weight in every orientation under these
+            errors [N]; None where the mass or a bound is not known.
+    """
+
+    placement_error: Array
+    tilt_error: float
+    friction_error: float
+    com_error: float
+    internal_force: Array
+    pieces: tuple[tuple[SurfacePiece, ...], ...]
+    epsilon_lower: float | None = None
+    epsilon_upper: float | None = None
+    squeeze_force: float | None = None
+
+
 @dataclass(frozen=True)
 class PlantVerdict:
     """The result of one check of a grasp in a plant.
@@ -274,12 +308,14 @@ class CertifiedGrasp:
         tip_radius: radius of spherical fingertips that fit at the contacts [m], 0 for points; None
             if that was not checked.
         plant: verdicts of `rank_in_plant`; None if the grasp was not checked in a plant.
+        region: the errors that the grasp bears, with their proof; None if none is proved.
     """
 
     grasp: Grasp
     certificate: Certificate
     tip_radius: float | None = None
     plant: PlantRecord | None = None
+    region: RegionCertificate | None = None
 
 
 class CarriesProof(Protocol):

@@ -61,7 +61,10 @@ knows neither them nor files nor Drake's plants, and the command alone may know 
 PURE = ("geometry", "wrenches", "paper", "search")
 """Rooms without plants and scenes."""
 MOST_LINES = 350
-LONG_FILES = {"certification/exact.py": "runs alone, and is read whole by who trusts nothing else"}
+LONG_FILES = {
+    "certification/exact.py": "runs alone, and is read whole by who trusts nothing else",
+    "grasp.py": "the nouns of every page: most of it is what help() says of them",
+}
 
 
 def name_of(module: Path) -> str:

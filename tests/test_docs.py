@@ -8,7 +8,8 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,10 @@ from drake_polygrasp.files.grasp_file import load_grasps
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.surface_contact import edge_distance
+from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.paper.reasons import REASONS
 from drake_polygrasp.paper.stages import plan_sets
+from drake_polygrasp.pipeline.region_certificates import Errors, certify_errors
 from drake_polygrasp.verification.report import Status
 from tests.support.convex_polyhedra import prism, write_obj
 from tests.support.solids import regular_polygon
@@ -169,12 +172,25 @@ def paths(value: Any, path: str = "") -> Iterator[str]:
                 yield from paths(item, inner)
 
 
+def bearing_errors(
+    object_: GraspObject, grasps: Sequence[CertifiedGrasp]
+) -> Iterator[CertifiedGrasp]:
+    """Grasps with a certificate of small errors, and bounds as they may be stated."""
+    num_faces, L = len(object_.polyhedron.faces), object_.polyhedron.diameter
+    errors = Errors(np.full(num_faces, 1e-3 * L), tilt=0.01, friction=0.1, com=1e-3 * L)
+    for grasp in grasps:
+        region = certify_errors(object_, grasp.grasp, errors)
+        assert region is not None
+        bounds = {"epsilon_lower": 0.01, "epsilon_upper": 0.02, "squeeze_force": 100.0}
+        yield replace(grasp, region=replace(region, **bounds))
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """Documents that between them hold every key we write."""
     folder = tmp_path_factory.mktemp("written")
-    names = ("full", "around", "welded", "scaled")
-    full, around, welded, scaled = (folder / f"{name}.yaml" for name in names)
+    names = ("full", "around", "welded", "scaled", "curved")
+    full, around, welded, scaled, curved = (folder / f"{name}.yaml" for name in names)
     asked = "--mu 0.3 --avoid-direction 0 0 -1 --exclude-faces 0 --patch-angle 0.2"
     asked += " --patch-depth 0.001 --top 1 --plant"
     model = str(MODELS / "l_bracket" / "l_bracket.sdf")
@@ -183,7 +199,15 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     table = np.array([[[-1.0, -1, -1], [1, -1, -1], [0, 1, -1]]])
     obstacles = Obstacles(RigidTransform(), ("table",), table, np.array([False]), (), reach=2.0)
     plan = plan_grasps(cube, top=1, obstacles=obstacles)
-    save_grasps(around, cube, plan.grasps, plan.settings)
+    save_grasps(around, cube, bearing_errors(cube, plan.grasps), plan.settings)
+    cylinder = '<cylinder radius="0.05" length="0.2"/>'
+    (folder / "can.urdf").write_text(
+        '<robot name="can"><link name="can"><collision>'
+        f"<geometry>{cylinder}</geometry></collision></link></robot>"
+    )
+    can = load_object(folder / "can.urdf", mu=0.5)
+    plan = plan_grasps(can, top=1, edge_clearance=0.01)
+    save_grasps(curved, can, bearing_errors(can, plan.grasps), plan.settings)
     stack = folder / "stack.urdf"
     block = '<link name="{}"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'
     weld = '<joint name="j" type="fixed"><parent link="low"/><child link="high"/></joint>'
@@ -192,7 +216,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     write_obj(folder / "mm.obj", prism(regular_polygon(4, 40.0), 60.0))
     asked = ["--scale", "0.001", "--top", "1", "-o", str(scaled)]
     assert main(["plan", str(folder / "mm.obj"), *asked]) == 0
-    return [yaml.safe_load(path.read_text()) for path in (full, around, welded, scaled)]
+    return [yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in names]
 
 
 def test_every_key_that_is_written_is_described_and_no_other(

@@ -280,12 +280,12 @@ def contains_disc(
 ) -> Check:
     """Checks that a polygon contains a disc about a contact in its face.
 
-    Each edge, seen along the normal, must have the centre on its left at a distance of `radius` or
-    more. Then the polygon winds about every point of the disc, and its hull contains the disc.
+    Each edge, seen along the normal, must have the centre on the same side at a distance of
+    `radius` or more. Then the polygon winds about every point of the disc, and its hull contains
+    the disc.
 
     Args:
-        corners: corners of the polygon, counter-clockwise about the normal [m], lists of three
-            numbers.
+        corners: corners of the polygon, in order, either way around [m], lists of three numbers.
         centre: contact point [m], in the same frame.
         normal: unit normal of the face.
         radius: radius of the disc [m]; 0 if the centre may also be a corner.
@@ -308,16 +308,16 @@ def contains_disc(
         return Check(True)
     if any(_sign(_dot(n, a) ** 2, FLATNESS**2 * r_r, n_n) > 0 for a in from_centre):
         return Check(False, "a corner is not on the plane of the disc")
+    winding = 0
     for a, b in zip(from_centre, from_centre[1:] + from_centre[:1], strict=True):
         if a == b:
             continue
         # Twice the area of the triangle of edge and centre, and the edge, as seen along n.
         area, edge = _dot(n, _cross(a, b)), _cross(n, _minus(b, a))
-        if area <= 0 or _sign(area**2, r_r, _dot(edge, edge)) < 0:
+        winding = winding or area
+        if area * winding <= 0 or _sign(area**2, r_r, _dot(edge, edge)) < 0:
             return Check(False, "the polygon does not contain the disc")
-    if all(a == from_centre[0] for a in from_centre):
-        return Check(False, "the polygon does not contain the disc")
-    return Check(True)
+    return Check(winding != 0, "" if winding else "the polygon does not contain the disc")
 
 
 def narrowed_friction(

@@ -25,6 +25,7 @@ from drake_polygrasp.files.object_block import object_document, read_object
 from drake_polygrasp.files.plain_yaml import Block, read_mapping
 from drake_polygrasp.files.plan_block import read_plan
 from drake_polygrasp.files.plant_block import plant_document, read_plant
+from drake_polygrasp.files.region_block import read_region, region_document
 from drake_polygrasp.files.stated_grasp import (
     GraspFile,
     StatedCertificate,
@@ -140,6 +141,8 @@ def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:
         document["quality"] = {"scale": quality.scale, "Q": quality.Q, "q": quality.q}
     stated = {name: getattr(certificate, name) for name in _CERTIFICATE_KEYS}
     document["certificate"] = {name: value for name, value in stated.items() if value is not None}
+    if certified.region is not None:
+        document["region"] = region_document(certified.region, grasp.nhat_TB_B)
     if certified.plant is not None:
         document["plant"] = plant_document(certified.plant)
     plain: dict[str, Any] = _plain(document)
@@ -239,6 +242,7 @@ def _read_grasp(block: Block, tip_radius: float | None) -> StatedGrasp:
         _read_certificate(block.block("certificate")),
         tip_radius,
         read_plant(block.block("plant")) if "plant" in block.data else None,
+        read_region(block.block("region"), grasp.nhat_TB_B) if "region" in block.data else None,
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
-from drake_polygrasp.grasp import Grasp, ModelSource, PlantRecord
+from drake_polygrasp.grasp import Grasp, ModelSource, PlantRecord, RegionCertificate
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +143,8 @@ class StatedGrasp:
         certificate: the stated certificate.
         tip_radius: radius of the plan's fingertips [m]; None where the file states none.
         plant: stated verdicts of checks in a plant; None where the file states none.
+        region: stated errors that the grasp bears, with their proof; None where the file states
+            none.
     """
 
     grasp: Grasp
@@ -150,6 +152,7 @@ class StatedGrasp:
     certificate: StatedCertificate
     tip_radius: float | None = None
     plant: PlantRecord | None = None
+    region: RegionCertificate | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,6 +38,7 @@ from drake_polygrasp.verification.numbers import (
     force_violations,
     number_violations,
 )
+from drake_polygrasp.verification.region import region_surface_violations, region_violations
 from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
 
 if TYPE_CHECKING:
@@ -124,7 +126,7 @@ def _verify_grasp(
     surface, clearance = model.line, None
     if model.object_ is not None:
         surface, clearance = _check_surface(stated, model.object_, avoided)
-    forces = _line(Status.PROVED, force_violations(stated))
+    forces = _line(Status.PROVED, chain(force_violations(stated), region_violations(stated)))
     numbers = (
         CheckResult(Status.NOT_CHECKED, "the grasp is not proved")
         if forces.status is Status.FAILED
@@ -246,7 +248,11 @@ def _check_surface(
     """Checks SURFACE; returns also the least distance of a contact to an edge of its face [m]."""
     grasp, polyhedron = stated.grasp, object_.polyhedron
     touched = locate_contacts(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
-    line = _line(Status.RECOMPUTED, _surface_violations(stated, polyhedron, touched, avoided))
+    violations = chain(
+        _surface_violations(stated, polyhedron, touched, avoided),
+        region_surface_violations(stated, polyhedron, touched),
+    )
+    line = _line(Status.RECOMPUTED, violations)
     if line.status is Status.FAILED:
         return line, None
     return line, float(edge_distance(polyhedron, grasp.p_BC, touched.face).min())

@@ -1,0 +1,119 @@
+"""Whether a grasp's region is proved by its internal force, and covers what contacts may touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from pydrake.geometry.optimization import VPolytope
+
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.certification import exact
+from drake_polygrasp.files.stated_grasp import StatedGrasp
+from drake_polygrasp.geometry.placement_regions import placement_region
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.surface_contact import LocatedContacts
+from drake_polygrasp.geometry.surface_pieces import SurfacePiece
+from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, LENGTH_TOLERANCE
+from drake_polygrasp.geometry.triangles import face_frame
+from drake_polygrasp.grasp import RegionCertificate
+from drake_polygrasp.vectors import cross, dot, times
+
+Pieces = tuple[tuple[SurfacePiece, ...], ...]
+
+
+def region_violations(stated: StatedGrasp) -> Iterator[str]:
+    """Yields why a file's numbers do not prove the region that it states.
+
+    Args:
+        stated: a grasp, with a region or without.
+
+    Yields:
+        One message for each violated claim.
+    """
+    region, grasp = stated.region, stated.grasp
+    if region is None:
+        return
+    check = check_region(region, region.pieces, grasp.mu)
+    if not check.ok:
+        yield f"the region is not proved: {check.reason}"
+    for i, pieces in enumerate(region.pieces):
+        if len(pieces) == 1 and not pieces[0].tan_spread:
+            corners, normal = pieces[0].p_BV.tolist(), pieces[0].nhat_TB_B.tolist()
+            disc = grasp.p_BC[i].tolist(), normal, float(region.placement_error[i])
+            if not (check := exact.contains_disc(corners, *disc)).ok:
+                yield f"the region of contact {i + 1} does not hold its disc: {check.reason}"
+
+
+def check_region(region: RegionCertificate, pieces: Pieces, mu: Array) -> exact.Check:
+    """Checks exactly that a region's internal force proves force closure on given pieces.
+
+    Args:
+        region: its internal force and errors.
+        pieces: of each contact.
+        mu: friction coefficients, shape (3,).
+
+    Returns:
+        ok where every placement, tilt and friction within the errors is proved.
+    """
+    corners = [[(s.p_BV.tolist(), s.nhat_TB_B.tolist(), s.tan_spread) for s in c] for c in pieces]
+    errors = region.tilt_error, region.friction_error
+    return exact.check_region(corners, mu.tolist(), region.internal_force.tolist(), *errors)
+
+
+def region_surface_violations(
+    stated: StatedGrasp, polyhedron: Polyhedron, touched: LocatedContacts
+) -> Iterator[str]:
+    """Yields where contacts may touch other surface than the region that a file states.
+
+    Args:
+        stated: a grasp, with a region or without.
+        polyhedron: the model's surface.
+        touched: its contacts, as they are found there.
+
+    Yields:
+        One message for each violated claim.
+    """
+    region = stated.region
+    if region is None:
+        return
+    found = []
+    for i, (k, radius) in enumerate(zip(touched.face, region.placement_error, strict=True)):
+        contact = touched.p_BC[i], touched.nhat_TB_B[i]
+        around = placement_region(polyhedron, *contact, int(k), float(radius))
+        if not around.pieces:
+            yield f"contact {i + 1} may not miss by {radius:.6g} m: {around.reason}"
+            return
+        found.append(around.pieces)
+        for piece in around.pieces:
+            if not any(_holds(held, piece, polyhedron.diameter) for held in region.pieces[i]):
+                yield f"the region of contact {i + 1} lacks a part of the surface that it may touch"
+                return
+    # On the boundary of closure the tolerances above would let pass what does not hold.
+    mu = np.minimum(stated.grasp.mu, polyhedron.mu[touched.face])
+    check = check_region(region, tuple(found), mu)
+    if not check.ok:
+        yield f"with the surface's own pieces, {check.reason}"
+
+
+def _holds(held: SurfacePiece, piece: SurfacePiece, diameter: float) -> bool:
+    """Whether one piece contains another, with all its normals."""
+    tolerance = 10 * LENGTH_TOLERANCE * diameter
+    across = cross(held.nhat_TB_B, piece.nhat_TB_B)
+    leaning = np.arctan2(np.sqrt(dot(across, across)), dot(held.nhat_TB_B, piece.nhat_TB_B))
+    if leaning + np.arctan(piece.tan_spread) > np.arctan(held.tan_spread) + 10 * ANGLE_TOLERANCE:
+        return False
+    p_FV, p_FH = (
+        times(p - held.p_BV[0], face_frame(held.nhat_TB_B)) for p in (piece.p_BV, held.p_BV)
+    )
+    low, high = p_FH.min(axis=0) - tolerance, p_FH.max(axis=0) + tolerance
+    if not ((low <= p_FV) & (p_FV <= high)).all():
+        return False
+    if high[2] - low[2] <= 4 * tolerance:
+        polygon = shapely.convex_hull(shapely.MultiPoint(p_FH[:, :2]))
+        return bool(shapely.distance(polygon, shapely.points(p_FV[:, :2])).max() <= tolerance)
+    # Pieces that were made here too have the same corners; only others need a program each.
+    apart = np.array([np.abs(p_FH - p).max(axis=1).min() > tolerance for p in p_FV])
+    hull = VPolytope(p_FH.T)
+    return all(hull.PointInSet(p, tolerance) for p in p_FV[apart])

@@ -1,0 +1,88 @@
+"""The region of a grasp is borne out exactly, by the file's numbers and by the model's surface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drake_polygrasp.verification.report import GraspReport, Status
+from drake_polygrasp.verification.verify import verify_file
+from tests.support.grasp_files import Document, edit, write_box
+from tests.support.grasp_regions import GREATEST, box_region, in_pieces
+
+
+def verified(folder: Path, region: Document) -> GraspReport:
+    file = edit(write_box(folder), lambda d: d["grasps"][0].update(region=region))
+    return verify_file(file).grasps[0]
+
+
+@pytest.mark.parametrize("in_other_form", [lambda region: region, in_pieces])
+def test_a_region_holds_up_to_what_it_bears_by_hand(
+    in_other_form: Callable[[Document], Document], tmp_path: Path
+) -> None:
+    # A spread of 1e-6 costs 1e-6 of friction.
+    holds = verified(tmp_path, in_other_form(box_region(GREATEST * (1 - 1e-4))))
+    assert holds.forces.status is Status.PROVED, holds.forces.reason
+    assert holds.surface.status is Status.RECOMPUTED, holds.surface.reason
+    fails = verified(tmp_path, in_other_form(box_region(GREATEST * (1 + 1e-9))))
+    assert fails.forces.status is Status.FAILED
+    assert "the region is not proved: the force at contact" in fails.forces.reason
+
+
+def _smaller(region: Document) -> None:
+    del region["p_BV"][0][0]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda r: r.update(placement_error=[0.002, 0.0021, 0.002]), "contact 2 does not hold"),
+        (_smaller, "contact 1 does not hold its disc"),
+        (lambda r: r.update(tilt_error=0.3), "not proved"),
+        (lambda r: r.update(friction_error=0.9), "not proved"),
+        (lambda r: r.update(internal_force=[2.5, 2.5, 0.0]), "not proved"),
+    ],
+)
+def test_a_region_that_its_numbers_do_not_bear_out_is_refused(
+    change: Callable[[Document], Any], reason: str, tmp_path: Path
+) -> None:
+    region = box_region()
+    change(region)
+    line = verified(tmp_path, region).forces
+    assert line.status is Status.FAILED
+    assert reason in line.reason
+
+
+def test_pieces_that_leave_out_a_part_of_the_surface_are_refused(tmp_path: Path) -> None:
+    region = in_pieces(box_region(0.002, radius=0.0021))
+    # So that no polygon is held against its disc, and only the model can tell what is missing.
+    for pieces in region["pieces"]:
+        pieces[0]["tan_spread"] = 1e-6
+    report = verified(tmp_path, region)
+    assert report.forces.status is Status.PROVED, report.forces.reason
+    assert report.surface.status is Status.FAILED
+    assert report.surface.reason == (
+        "the region of contact 1 lacks a part of the surface that it may touch"
+    )
+
+
+def test_a_region_beyond_its_face_is_refused(tmp_path: Path) -> None:
+    """Near an edge of the box a fingertip that misses by so much touches nothing."""
+
+    def move(document: Document) -> None:
+        region, grasp = box_region(), document["grasps"][0]
+        for corners, contact in zip(region["p_BV"], grasp["contacts"], strict=True):
+            contact["p_BC"][2] = 0.099
+            for corner in corners:
+                corner[2] += 0.099
+        grasp["grasp_plane"]["p_BP"] = [0.0, 0.0, 0.099]
+        grasp["region"] = region
+
+    report = verify_file(edit(write_box(tmp_path), move)).grasps[0]
+    assert report.forces.status is Status.PROVED, report.forces.reason
+    assert report.surface.status is Status.FAILED
+    reason = report.surface.reason
+    assert reason == "contact 1 may not miss by 0.001998 m: the fingertip may miss the body"
