@@ -4,6 +4,7 @@
 |---|---|
 | grasp_file.py | writes and reads the whole file: `save_grasps`, `load_grasps` |
 | object_block.py | the object block: the model, and what was loaded from it |
+| region_block.py | the region block: the errors that a grasp bears |
 | plan_block.py | the plan block: the settings of the plan |
 | plant_block.py | the plant block of a grasp: the verdicts of checks in a plant |
 | stated_grasp.py | values for what a file states |

@@ -9,6 +9,7 @@
 | judging.py | which candidates are proved, and in which order |
 | longer_search.py | goes on where fewer grasps are found than wanted |
 | freed_memory.py | keeps the memory that a plan frees |
+| region_certificates.py | certifies the errors that a grasp bears |
 | ranking.py | puts proved candidates in order and certifies the best |
 | plan.py | `plan_grasps` |
 | explain.py | `explain_sets`: what became of every set of faces |
