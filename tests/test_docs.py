@@ -200,14 +200,14 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     obstacles = Obstacles(RigidTransform(), ("table",), table, np.array([False]), (), reach=2.0)
     plan = plan_grasps(cube, top=1, obstacles=obstacles)
     save_grasps(around, cube, bearing_errors(cube, plan.grasps), plan.settings)
-    cylinder = '<cylinder radius="0.05" length="0.2"/>'
-    (folder / "can.urdf").write_text(
-        '<robot name="can"><link name="can"><collision>'
-        f"<geometry>{cylinder}</geometry></collision></link></robot>"
+    model_file = folder / "ball.urdf"
+    model_file.write_text(
+        '<robot name="ball"><link name="ball"><collision><geometry><sphere radius="0.05"/>'
+        "</geometry></collision></link></robot>"
     )
-    can = load_object(folder / "can.urdf", mu=0.5)
-    plan = plan_grasps(can, top=1, edge_clearance=0.01)
-    save_grasps(curved, can, bearing_errors(can, plan.grasps), plan.settings)
+    ball = load_object(model_file, mu=0.5)
+    plan = plan_grasps(ball, top=1)
+    save_grasps(curved, ball, bearing_errors(ball, plan.grasps), plan.settings)
     stack = folder / "stack.urdf"
     block = '<link name="{}"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'
     weld = '<joint name="j" type="fixed"><parent link="low"/><child link="high"/></joint>'
@@ -266,13 +266,16 @@ def test_the_reader_on_the_page_prints_the_contacts(example: Path) -> None:
 def without(document: Any, keys: list[str]) -> bool:
     """Takes a key out of a document, where it is; says whether it was there."""
     first, *rest = keys
-    name = first.removesuffix("[]")
+    name, *lists = first.split("[]")
     if name not in document:
         return False
     if not rest:
         del document[name]
         return True
-    return without(document[name][0] if first.endswith("[]") else document[name], rest)
+    inner = document[name]
+    for _ in lists:
+        inner = inner[0]
+    return without(inner, rest)
 
 
 @pytest.mark.parametrize(("path", "need"), described().items())

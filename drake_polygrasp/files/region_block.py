@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.plain_yaml import Block
 from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 from drake_polygrasp.grasp import RegionCertificate
@@ -87,6 +88,8 @@ def read_region(block: Block, nhat_TB_B: Array) -> RegionCertificate:
 def _read_pieces(block: Block, nhat_TB_B: Array) -> tuple[tuple[SurfacePiece, ...], ...]:
     """Three tuples of pieces, of which each contact's cover the surface that it may touch."""
     key = "pieces" if "pieces" in block.data else "p_BV"
+    if key not in block.data:
+        raise GraspFileError(f"{block.where}p_BV and pieces are missing: one of them must be there")
     contacts = block.items(key)
     if len(contacts) != 3:
         raise block.refuse(key, "a list for each of the three contacts")

@@ -45,7 +45,7 @@ def test_a_region_has_the_numbers_of_the_file(file: Path) -> None:
     ("change", "says"),
     [
         (lambda r: r.pop("internal_force"), "region.internal_force is missing"),
-        (lambda r: r.pop("p_BV"), "region.p_BV is missing"),
+        (lambda r: r.pop("p_BV"), "region.p_BV and pieces are missing"),
         (lambda r: r["p_BV"].pop(), "region.p_BV is .*, not a list for each of the three contacts"),
         (lambda r: r["p_BV"][2].append([1.0, 2.0]), r"region.p_BV\[2\]\[4\] is"),
         (lambda r: r.update(placement_error=[0.1, -0.1, 0.1]), "not a list of three lengths"),
