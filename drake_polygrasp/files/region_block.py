@@ -59,6 +59,9 @@ def read_region(block: Block, nhat_TB_B: Array) -> RegionCertificate:
         block: the `region` block of a grasp.
         nhat_TB_B: inward unit normals of the contacts, shape (3, 3).
 
+    Returns:
+        What the file states; each polygon of `p_BV` with the normal of its contact.
+
     Raises:
         GraspFileError: when a key is missing, or is not what it must be.
     """
