@@ -15,7 +15,6 @@ import drake_polygrasp
 PACKAGE = Path(drake_polygrasp.__file__).parent
 WAITING = {
     "certification",
-    "geometry",
     "optimality",
     "pipeline",
     "plant",

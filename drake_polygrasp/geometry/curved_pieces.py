@@ -1,15 +1,15 @@
-"""Pieces of the true surface of spheres, ellipsoids, cylinders and capsules around a contact.
+"""Pieces of the surface of spheres, ellipsoids, cylinders and capsules around a contact.
 
-A fingertip that moves along the contact's normal n and misses by q in the tangent plane enters the
-solid at the depth t(q). The solid is convex, so t is a convex function. Over a convex polygon Q of
-misses the surface therefore lies between its tangent plane at one of its points, which it nowhere
-rises above, and the hull of its points at the corners of Q, which it nowhere sinks below. The
-corners of both planes' parts over Q span a polytope that holds the piece.
+A fingertip that moves along the contact's inward normal with an offset q in the tangent plane
+enters the solid at the depth t(q). The solid is convex, so t is a convex function. Over a convex
+polygon Q of offsets the surface therefore lies below its tangent plane at any of its points, and
+above the convex hull of its points at the corners of Q. The corners of the hull, and those of the
+part of the tangent plane over Q, span a polytope that contains the piece.
 
-Its normals have the direction of a linear function A of the point: A = diag(1 / radii^2) in the
-frame of an ellipsoid, the part across the axis on a cylinder. The directions within an angle of a
-fixed one are a convex cone, so the greatest angle between A p and a fixed normal, over all p in the
-polytope, is at one of its corners.
+The surface normals have the direction of a linear function A of the point: A = diag(1 / radii^2)
+in the frame of an ellipsoid, and the part perpendicular to the axis on a cylinder. The directions
+within an angle of a fixed one form a convex cone, so the greatest angle between A p and a fixed
+normal, over all points p of the polytope, is attained at one of its corners.
 """
 
 from __future__ import annotations
@@ -25,40 +25,45 @@ from drake_polygrasp.geometry.surface_pieces import SurfacePiece, rounded_piece
 from drake_polygrasp.vectors import dot, times
 
 _SPREAD = np.radians(1.0)
-"""Our choice: the angle between normals of one piece, a fifth of the default tilt."""
+"""Our choice: angle between the normals of one piece, a fifth of the default tilt."""
 _MOST_PIECES = 64
-"""Our choice: of wide regions on sharp curves, pieces have normals that differ by more."""
+"""Our choice: greatest number of pieces; in wide regions on sharp curves the normals of a piece
+therefore differ by more than `_SPREAD`."""
 _ROUNDING = 1e-9
-"""Our choice, added to tangents: normals and corners are rounded to twelve digits."""
+"""Our choice, added to tangents of angles: normals and corners are rounded to twelve digits."""
 
 
 class _Cell(NamedTuple):
-    """A convex polygon of misses and the polytope of surface over it."""
+    """A convex polygon of offsets, and the polytope that contains the surface over it.
+
+    Attributes:
+        q: corners of the polygon in the tangent plane [m], shape (k, 2).
+        p_BV: corners of the polytope [m], shape (2 k, 3).
+        nhat_B: outward unit normal of the surface over the polygon's mean corner, shape (3,).
+        cosine: least cosine of the angle between that normal and others of the piece.
+    """
 
     q: Array
-    """Corners in the tangent plane [m], shape (k, 2)."""
     p_BV: Array
-    """[m], shape (2 k, 3)."""
     nhat_B: Array
-    """Outward unit normal of the surface over the middle, shape (3,)."""
     cosine: float
-    """Least cosine of the angle between that and normals of the piece."""
 
 
 def curved_pieces(
     solid: Primitive, p_BC: Array, R_BC: Array, polygon: Array, diameter: float
 ) -> tuple[SurfacePiece, ...]:
-    """Returns pieces of a solid's surface that cover what fingertips may touch around a contact.
+    """Returns pieces that cover the part of a curved surface around a contact.
 
     Args:
-        solid: whose curved surface the contact is on.
+        solid: the solid with the curved surface that the contact is on.
         p_BC: the contact [m], shape (3,).
         R_BC: columns Cx, Cy in the tangent plane and Cz outward, shape (3, 3).
-        polygon: convex, about the contact in the coordinates of Cx and Cy [m], shape (k, 2).
+        polygon: corners of the convex polygon of offsets of fingertips from the contact, in the
+            coordinates of Cx and Cy [m], shape (k, 2).
         diameter: L of the body [m].
 
     Returns:
-        At most 64 pieces; none where some fingertip would meet no curved surface.
+        At most 64 pieces; none if at some offset a fingertip would not meet the curved surface.
     """
     first = _cell(solid, p_BC, R_BC, polygon)
     if first is None:
@@ -69,7 +74,7 @@ def curved_pieces(
         if cells[widest].cosine >= np.cos(_SPREAD):
             break
         halves = [_cell(solid, p_BC, R_BC, q) for q in _halves(solid, p_BC, R_BC, cells[widest].q)]
-        # What is entered at the corners of a polygon is entered everywhere within.
+        # Rays that enter the surface at the corners of a polygon enter it everywhere inside.
         cells[widest : widest + 1] = [half for half in halves if half is not None]
     if min(cell.cosine for cell in cells) <= 0:
         return ()
@@ -85,7 +90,7 @@ def curved_pieces(
 
 
 def _cell(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> _Cell | None:
-    """None where a fingertip over a corner meets no curved surface."""
+    """Returns the cell of a polygon; None if the surface is missed at a corner."""
     start = p_BC + times(np.concatenate([q, q.mean(axis=0)[None]]), R_BC[:, :2].T)
     inward = -R_BC[:, 2]
     depth = solid.depths(start, inward)
@@ -101,7 +106,7 @@ def _cell(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> _Cell | None:
 
 
 def _halves(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> tuple[Array, Array]:
-    """A polygon cut through its middle, across the direction in which normals turn most."""
+    """Cuts a polygon through its mean corner, across the direction in which normals turn most."""
     start = p_BC + times(q, R_BC[:, :2].T)
     surface = start - solid.depths(start, -R_BC[:, 2])[:, None] * R_BC[:, 2]
     _, nhat = solid.project(surface)
@@ -112,7 +117,7 @@ def _halves(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> tuple[Array
 
 
 def _part(q: Array, side: Array) -> Array:
-    """The part of a convex polygon where a linear function with values `side` is at most 0."""
+    """Returns the part of a convex polygon where a function, `side` at its corners, is <= 0."""
     corners = []
     for k in range(len(q)):
         here, there = side[k - 1], side[k]

@@ -1,7 +1,6 @@
-"""The surface under patches: facets and curved solids.
+"""Contacts on patches: the facets and curved solids that patches stand for.
 
-A patch is planned on as a plane; what fingers touch is a facet of it, or the curved solid that it
-stands for.
+Planning takes a patch for a plane; fingers touch one of its facets, or the curved solid under it.
 """
 
 from __future__ import annotations
@@ -19,24 +18,31 @@ from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import times
 
 _STEEPEST_ON_PATCH = np.cos(0.6)
-"""Ours, near 35 degrees: a facet that leans more is noise and no place for a finger."""
+"""Our choice, about 35 degrees: facets that lean more from their patch are noise, not touched."""
 _SLIVER = 2e-5
-"""Times L, ours: the inradius below which a facet is a sliver and its normal noise."""
+"""Times L, our choice: facets with a smaller inradius are slivers, whose normals are noise."""
 _OFF_EDGE = 3e-6
-"""Times L, ours: how far contacts on facets keep from their edges, for all checks to agree."""
+"""Times L, our choice: distance of contacts from edges of facets, with which all checks agree."""
 _JUST_OUTSIDE = 1e-5
-"""Times L, ours: where to look whether a contact is covered."""
+"""Times L, our choice: height over a contact of the point that is tested for being covered."""
 _LEVEL = 1e-3
-"""Times the radius of curvature, ours: over this distance a surface turns by a milliradian, and
-is flat to whoever asks how far a contact may move."""
+"""Times the least radius of curvature, our choice: over this distance the normal turns by at most a
+milliradian, and the surface counts as flat."""
 
 
 def is_covered(
     polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, step: float = _JUST_OUTSIDE
 ) -> Bools:
-    """Whether the point `step` L outside each contact is inside a part of the body or a cover.
+    """Returns which contacts are covered by a part of the body or by another body.
 
-    Of contacts p_BC [m] on the surface with inward normals, both (M, 3); shape (M,).
+    Args:
+        polyhedron: the body.
+        p_BC: contact points on the surface [m], shape (M, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3).
+        step: distance outside the contact, over L, of the point that is tested for being inside.
+
+    Returns:
+        Shape (M,).
     """
     outside = p_BC - step * polyhedron.diameter * nhat_TB_B
     covered = polyhedron.solids.winding_numbers(outside) > 0
@@ -46,12 +52,12 @@ def is_covered(
 
 
 class Facets(NamedTuple):
-    """What contacts on patches ask of all triangles again and again.
+    """Properties of all triangles of a body.
 
     Attributes:
-        nhat: outward normals, shape (T, 3).
-        mu: of the face or patch of each, NaN where it has none, shape (T,).
-        wide: whether each is no sliver, shape (T,).
+        nhat: outward unit normals, shape (T, 3).
+        mu: friction coefficient of each triangle's face or patch, NaN without one, shape (T,).
+        wide: whether each triangle is no sliver, shape (T,).
     """
 
     nhat: Array
@@ -60,7 +66,11 @@ class Facets(NamedTuple):
 
 
 def facets_of(polyhedron: Polyhedron) -> Facets:
-    """Of all triangles of a body."""
+    """Returns the properties of a body's triangles that `project_on_patch` needs.
+
+    Args:
+        polyhedron: the body.
+    """
     nhat, _ = unit_normals(polyhedron.triangles_B)
     mu = np.append(polyhedron.mu, np.nan)[polyhedron.triangle_face]
     return Facets(nhat, mu, _inradius(polyhedron.triangles_B) >= _SLIVER * polyhedron.diameter)
@@ -69,10 +79,19 @@ def facets_of(polyhedron: Polyhedron) -> Facets:
 def project_on_patch(
     polyhedron: Polyhedron, facets: Facets, face: Face, p_BC: Array
 ) -> tuple[Array, Array, Bools]:
-    """Contacts p_BC [m], shape (M, 3), on the plane of a patch, moved to the surface under it.
+    """Projects contacts from the plane of a patch onto the surface under it.
 
-    The points and inward normals there, and whether there is a fit facet, shape (M,). Contacts
-    keep off the edges of facets, where the normal is anyone's.
+    Contacts keep away from the edges of facets, where the normal is ambiguous.
+
+    Args:
+        polyhedron: the body.
+        facets: properties of its triangles.
+        face: the patch.
+        p_BC: contacts on the plane of the patch [m], shape (M, 3).
+
+    Returns:
+        Points on the surface [m] and inward unit normals, shape (M, 3) each, and whether there is
+        a facet to touch, shape (M,).
     """
     if face.primitive is not None:
         projected, outward = face.primitive.project(p_BC)
@@ -101,13 +120,14 @@ def project_on_patch(
 
 
 def _inradius(triangles: Array) -> Array:
+    """Returns the inradii of triangles."""
     _, area = unit_normals(triangles)
     perimeter = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).sum(axis=1)
     return np.asarray(2 * area / np.where(perimeter > 0, perimeter, 1))
 
 
 def _off_edges(points: Array, triangles: Array, L: float) -> Array:
-    """Points (M, 3) of triangles (M, 3, 3), moved toward the incentre if they are on an edge."""
+    """Returns points (M, 3) of triangles (M, 3, 3), those on edges moved towards the incentre."""
     side = np.linalg.norm(np.roll(triangles, 1, axis=1) - np.roll(triangles, -1, axis=1), axis=2)
     incenter = np.einsum("ni,nij->nj", side, triangles) / side.sum(axis=1)[:, None]
     radius, distance = _inradius(triangles), _side_distance(points, triangles)
@@ -116,7 +136,7 @@ def _off_edges(points: Array, triangles: Array, L: float) -> Array:
 
 
 def _side_distance(points: Array, triangles: Array) -> Array:
-    """Distance of points (M, 3) from the sides of the triangles (M, 3, 3) that hold them, (M,)."""
+    """Returns the distances of points (M, 3) from the sides of their triangles (M, 3, 3), (M,)."""
     side = np.roll(triangles, -1, axis=1) - triangles
     arm = np.cross(points[:, None] - triangles, side)
     length = np.linalg.norm(side, axis=2)
@@ -126,10 +146,18 @@ def _side_distance(points: Array, triangles: Array) -> Array:
 def locate_on_patch(
     polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, triangle: Ints
 ) -> tuple[Ints, Array, Array]:
-    """The patches that contacts [m] with inward normals, both (M, 3), are on: face (M,).
+    """Returns the patches that contacts are on, and the exact points and normals there.
 
-    `triangle` (M,) is the triangle that each is on, -1 for none. And the surface's own points and
-    inward normals; -1 and the contacts' own where the surface is covered or of no patch.
+    Args:
+        polyhedron: the body.
+        p_BC: contact points [m], shape (M, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3).
+        triangle: the triangle that each contact is on, -1 for none, shape (M,).
+
+    Returns:
+        The patch, -1 where the surface is covered or not of a patch, shape (M,); and the point on
+        the surface [m] and its inward unit normal, shape (M, 3) each, which are those of the
+        contact where there is no patch.
     """
     face = np.where(triangle >= 0, polyhedron.triangle_face[triangle], -1)
     face[~np.append(polyhedron.is_faceted, False)[face]] = -1
@@ -156,7 +184,7 @@ def locate_on_patch(
 
 
 def _nearest_facet(polyhedron: Polyhedron, solid: Primitive, p_BC: Array) -> Ints:
-    """The nearest of the patches of a curved solid to points p_BC (M, 3) of it, (M,)."""
+    """Returns the patch of a curved solid nearest to each of its points p_BC, shape (M,)."""
     found, least = np.full(len(p_BC), -1), np.full(len(p_BC), np.inf)
     for k, face in enumerate(polyhedron.faces):
         if face.primitive is solid:
@@ -169,9 +197,18 @@ def _nearest_facet(polyhedron: Polyhedron, solid: Primitive, p_BC: Array) -> Int
 
 
 def level_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
-    """How far from contacts p_BC [m], shape (M, 3), on patches `face` the surface is flat [m].
+    """Returns how far from contacts on patches the surface is flat.
 
-    To the sides of the facet; on curved solids, as far as the normal turns by a milliradian; (M,).
+    That is the distance to the sides of the facet, or, on curved solids, a distance over which the
+    normal turns by at most a milliradian.
+
+    Args:
+        polyhedron: the body.
+        p_BC: contact points [m], shape (M, 3).
+        face: index of each contact's patch, shape (M,).
+
+    Returns:
+        [m], shape (M,).
     """
     solids = [polyhedron.faces[k].primitive for k in face]
     distance = np.array([0.0 if solid is None else _LEVEL * solid.bend for solid in solids])

@@ -1,9 +1,9 @@
-"""Near-planar patches of curved and noisy surfaces, where Section 2 of the paper asks for faces.
+"""Near-planar patches of curved and noisy surfaces, in place of the faces of the paper's Section 2.
 
-A scan has a facet every millimetre, and a planner on faces has nothing to grasp there. Facets that
-together are almost a plane make one patch, which is planned on like a face; contacts then move to
-the facets themselves. Patches may overlap: each reaches as far from its seed as the tolerances
-let it, and seeds are what no earlier patch has reached, so all are wide and few are needed.
+On a scan with a facet every millimetre no single facet is large enough to grasp. Connected facets
+that are nearly coplanar form a patch, which is planned on like a face; contacts are then projected
+onto the facets themselves. Patches may overlap: each grows from its seed as far as the tolerances
+allow, and seeds are facets that no earlier patch has reached, so a few wide patches suffice.
 """
 
 from __future__ import annotations
@@ -17,51 +17,54 @@ from drake_polygrasp.arguments import check_number, refuse
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.geometry.inradius import rough_inradius
-from drake_polygrasp.geometry.sections import merged
+from drake_polygrasp.geometry.polygons import merged
 from drake_polygrasp.geometry.shells import connected_components, edge_neighbors
 from drake_polygrasp.geometry.triangles import face_frame, tidy, unit_normals
 from drake_polygrasp.vectors import dot, times
 
 PATCH_ANGLE = np.radians(12.0)
-"""[rad], ours, below the friction angle of most pairs: how far normals lean within a patch."""
+"""[rad], our choice, below the friction angle of most pairs: greatest angle between the normals of
+a facet and of its patch's seed."""
 PATCH_DEPTH = 0.005
-"""Times the diameter L, ours: how far facets lie off the plane of their patch. On a sphere of
-diameter L, this depth on either side is reached where the angle is."""
+"""Times the diameter L, our choice: distance of facets from the plane of their patch. On a sphere
+of diameter L, `PATCH_ANGLE` leads to the same depth on either side."""
 _MANY_FACETS = 1000
-"""Ours: bodies of no more planar faces than this are planned on as they are."""
+"""Our choice: bodies with no more planar faces get no patches of facets."""
 _BROAD = 0.0025
-"""Times L squared, ours: planar faces larger than this are faces of any body."""
+"""Times L squared, our choice: larger planar faces stay faces on every body."""
 _ACROSS = 0.5
-"""Cosine of the angle of neighbours that cannot be of one plane, whatever their noise, ours."""
+"""Cosine, our choice: neighbours at a greater angle are not of one plane, whatever their noise."""
 _MAX_SEEDS = 1000
-"""Ours: bounds the time on surfaces too rough for patches."""
+"""Our choice: bounds the time on surfaces that are too rough for patches."""
 _SMOOTHING = 0.02
-"""Times L, ours: normals of noise are averaged over about this distance, a fingertip's radius."""
+"""Times L, our choice: normals are averaged over about this distance, a fingertip's radius."""
 _NARROW = 0.01
-"""Times L, ours: half the width of whiskers, and radius of holes, that outlines do without."""
+"""Times L, our choice: outlines drop protrusions of at most twice this width and holes of at most
+this radius."""
 _NARROWEST = 0.002
-"""Times L, ours: the inradius below which there is no patch."""
+"""Times L, our choice: least inradius of a patch."""
 _SIMPLER = 0.3
-"""Times half a whisker's width, ours: how far outlines may run off the zigzag of facets."""
+"""Times half the width of a dropped protrusion, our choice: tolerance of simplified outlines."""
 _MOST = 300
-"""Ours: of more patches the widest are enough to grasp a body by."""
+"""Our choice: greatest number of patches; the widest are kept."""
 _SMALL_SHARE = 0.1
-"""Of the inradius of the widest patch, ours: what rounded edges and noise leave is narrower."""
+"""Times the inradius of the widest patch, our choice: narrower patches, which come from rounded
+edges and noise, are dropped."""
 _GRID = 1e-9
-"""Times L, ours: what makes unions robust."""
+"""Times L, our choice: grid of coordinates that makes unions robust."""
 _FOLDED = 0.1
-"""Cosine of the angle beyond which a facet does not count for the outline, ours."""
+"""Cosine, our choice: facets that lean more from the patch do not count for its outline."""
 
 
 class Patch(NamedTuple):
     """A plane fitted to connected facets, and their outline.
 
     Attributes:
-        R_BF: shape (3, 3), Fz outward.
-        offset: of the plane along Fz [m].
-        polygon_F: outline in the plane of the patch [m].
-        reach: greatest distance of the facets from the plane [m].
-        triangles: rows of the triangles of the patch.
+        R_BF: columns Fx, Fy in the plane and Fz outward, shape (3, 3).
+        offset: coordinate of the plane along Fz, from Bo [m].
+        polygon_F: outline in the coordinates of Fx and Fy [m].
+        reach: greatest distance of a vertex of the facets from the plane [m].
+        triangles: indices of the facets, shape (K,).
         mu: friction coefficient.
     """
 
@@ -74,7 +77,15 @@ class Patch(NamedTuple):
 
 
 def check_tolerances(angle: float | None, depth: float | None) -> None:
-    """Raise UsageError for an angle [rad] or a depth [m] that no patch has."""
+    """Checks the tolerances of patches that a user gives.
+
+    Args:
+        angle: greatest angle between normals [rad]; None for the default.
+        depth: greatest distance from the plane [m]; None for the default.
+
+    Raises:
+        UsageError: when the angle is not between 0 and pi/2, or the depth not above 0.
+    """
     demand = "radians, above 0 and below pi/2"
     if angle is not None and not check_number("patch_angle", angle, demand, above=0.0) < np.pi / 2:
         raise refuse("patch_angle", angle, demand)
@@ -83,10 +94,19 @@ def check_tolerances(angle: float | None, depth: float | None) -> None:
 
 
 def curved_triangles(vertices: Array, corners: Ints, L: float, flatness: float) -> Bools:
-    """Which triangles are facets of a curved or noisy surface, shape (T,).
+    """Returns which triangles are facets of a curved or noisy surface.
 
-    None on bodies of at most `_MANY_FACETS` planes; on others all but those of broad planes.
-    Vertices `flatness` [m] off a plane lie in it.
+    On bodies with at most `_MANY_FACETS` planes there are none; on others all triangles are that
+    do not belong to a broad plane.
+
+    Args:
+        vertices: [m], shape (V, 3).
+        corners: vertex indices, shape (T, 3).
+        L: diameter of the body [m].
+        flatness: vertices within this of a plane lie in it [m].
+
+    Returns:
+        Shape (T,).
     """
     num = len(corners)
     if num <= _MANY_FACETS:
@@ -96,10 +116,10 @@ def curved_triangles(vertices: Array, corners: Ints, L: float, flatness: float) 
     t, u = edge_neighbors(corners)
     lift = np.einsum("nij,nj->ni", vertices[corners[u]] - centroid[t][:, None], nhat[t])
     flat = np.abs(lift).max(axis=1) <= flatness
-    # A facet across an edge may be so small that its vertices are in the plane, too.
+    # A neighbour at a large angle may be so small that its vertices are near the plane too.
     flat &= np.einsum("ni,ni->n", nhat[t], nhat[u]) > _ACROSS
     plane = connected_components(num, t[flat], u[flat])
-    # Many small turns make a curve: planes that are not flat as a whole fall apart.
+    # Many small angles add up to a curve: components that are not plane as a whole are not planes.
     whole = np.bincount(plane, weights=area, minlength=num)
     seed = np.full(num, -1)
     order = np.argsort(area, kind="stable")
@@ -120,12 +140,20 @@ def grow_patches(
     angle: float | None = None,
     depth: float | None = None,
 ) -> list[Patch]:
-    """Patches of the facets `corners` (T, 3), of friction `mu` (T,), flattest seeds first.
+    """Returns the patches of a curved or noisy surface.
 
-    A patch holds the facets connected to its seed whose normals, their own or those smoothed over
-    a fingertip's radius, lean by at most `angle` [rad] (default: `PATCH_ANGLE`) from the seed's,
-    and whose vertices lie within twice `depth` [m] (default: `PATCH_DEPTH` L) of its plane, so that
-    a plane between them is `depth` away.
+    A patch consists of the facets connected to its seed that lean little from the seed and lie
+    close to its plane. Seeds are taken in the order of the flatness of their surroundings.
+
+    Args:
+        vertices: [m], shape (V, 3).
+        corners: vertex indices of the facets, shape (T, 3).
+        mu: friction coefficient of each facet, shape (T,); a patch has one.
+        L: diameter of the body [m].
+        angle: greatest angle between the normal of a facet, its own or smoothed over a fingertip's
+            radius, and that of the seed [rad]; None for `PATCH_ANGLE`.
+        depth: half the greatest distance of a vertex from the plane of the seed [m], about the
+            depth on either side of the plane fitted later; None for `PATCH_DEPTH` L.
     """
     if not len(corners):
         return []
@@ -145,7 +173,7 @@ def grow_patches(
     fitted: dict[int, tuple[Patch, float]] = {}
     widest, least = 0.0, _NARROWEST * L
     for k in np.argsort(-size, kind="stable").tolist():
-        # No disc is larger than the polygon that holds it.
+        # Without the area of a disc of the least inradius, neither this nor a smaller patch counts.
         if size[k] < np.pi * least**2:
             break
         patch = _fit(surface, grown[k], L, least)
@@ -153,7 +181,7 @@ def grow_patches(
             width = float(rough_inradius(np.array([patch.polygon_F]))[0])
             fitted[k] = patch, width
             widest = max(widest, width)
-            # Outlines are wider than their facets by no more than what makes them simpler.
+            # Simplifying makes an outline wider than its facets by at most this factor.
             least = max(least, _SMALL_SHARE * widest / (1 + _SIMPLER / 2))
     wide = [k for k, (_, width) in fitted.items() if width >= _SMALL_SHARE * widest]
     kept = sorted(wide, key=lambda k: (-fitted[k][1], k))[:_MOST]
@@ -161,26 +189,35 @@ def grow_patches(
 
 
 class _Surface(NamedTuple):
-    """Facets and what growing asks of them again and again."""
+    """Facets with the properties that growing patches needs.
+
+    Attributes:
+        vertices: [m], shape (V, 3).
+        corners: vertex indices, shape (T, 3).
+        mu: friction coefficients, shape (T,).
+        neighbors: facets of the same friction across the three sides, -1 for none, shape (T, 3).
+        nhat: outward unit normals, shape (T, 3).
+        area: [m^2], shape (T,).
+        smooth: unit normals averaged over `_SMOOTHING` L, shape (T, 3).
+        flatness: length of that average before it was normalised, 1 on a plane, shape (T,).
+    """
 
     vertices: Array
     corners: Ints
     mu: Array
     neighbors: Ints
-    """Facets across the three sides, -1 for none, shape (T, 3)."""
     nhat: Array
     area: Array
     smooth: Array
-    """Normals averaged over `_SMOOTHING`, shape (T, 3)."""
     flatness: Array
-    """Length of the mean of unit normals around: 1 on a plane, shape (T,)."""
 
     def seeds(self) -> Ints:
-        """Facets, the flattest to a hundredth first, then the largest."""
+        """Returns the facets by descending flatness, rounded to a hundredth, then area."""
         return np.lexsort((-self.area, -np.round(self.flatness, 2)))
 
 
 def _surface(vertices: Array, corners: Ints, mu: Array, L: float) -> _Surface:
+    """Returns facets with their neighbours and smoothed normals."""
     nhat, area = unit_normals(vertices[corners])
     t, u = edge_neighbors(corners)
     same = mu[t] == mu[u]
@@ -195,7 +232,7 @@ def _surface(vertices: Array, corners: Ints, mu: Array, L: float) -> _Surface:
     rounds = int(np.clip(np.ceil((_SMOOTHING * L / edge) ** 2), 1, 30))
     total = np.column_stack([nhat * area[:, None], area])
     for _ in range(rounds):
-        # A quarter each of the facet and its neighbours; the last row stands for none.
+        # A quarter each of the facet and its three neighbours; the last row, 0, stands for none.
         padded = np.pad(total, ((0, 1), (0, 0)))
         total = (total + padded[neighbors].sum(axis=1)) / 4
     length = np.linalg.norm(total[:, :3], axis=1)
@@ -205,10 +242,11 @@ def _surface(vertices: Array, corners: Ints, mu: Array, L: float) -> _Surface:
 
 
 def _grow(surface: _Surface, seed: int, cos_angle: float, band: float) -> Ints:
+    """Returns the facets of the patch around a seed, by breadth-first search."""
     normal = surface.smooth[seed]
     level = dot(surface.vertices[surface.corners[seed]], normal).mean()
     met = np.zeros(len(surface.corners) + 1, dtype=bool)
-    met[[seed, -1]] = True  # The last is neighbour -1, which is none.
+    met[[seed, -1]] = True  # The last entry stands for neighbour -1, which is none.
     frontier = np.array([seed])
     found = [frontier]
     while len(frontier):
@@ -227,7 +265,7 @@ def _grow(surface: _Surface, seed: int, cos_angle: float, band: float) -> Ints:
 
 
 def _fit(surface: _Surface, members: Ints, L: float, least: float) -> Patch | None:
-    """The plane of the mean normal through the mean point; None for an inradius below `least`."""
+    """Returns the patch in the plane of mean normal and point; None for inradii below `least`."""
     area, nhat = surface.area[members], surface.nhat[members]
     weight = area / area.sum()
     R_BF = face_frame(tidy(times(nhat.T, weight)))
@@ -243,7 +281,10 @@ def _fit(surface: _Surface, members: Ints, L: float, least: float) -> Patch | No
 
 
 def _outline(triangles: Array, L: float, least: float) -> shapely.Polygon | None:
-    """The widest polygon of the union of triangles (k, 3, 2), without whiskers, simplified."""
+    """Returns the widest polygon of the union of triangles (k, 3, 2), simplified.
+
+    Narrow protrusions are cut off; the result is None for an inradius below `least`.
+    """
     parts = shapely.get_parts(merged(shapely.polygons(triangles), _GRID * L))
     parts = parts[shapely.get_dimensions(parts) == 2]
     width = float(rough_inradius(parts).max(initial=0))

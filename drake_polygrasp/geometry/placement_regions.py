@@ -1,8 +1,9 @@
-"""Where on the true surface a fingertip lands that misses its contact along the face.
+"""The part of the true surface that a fingertip may touch when it misses its contact.
 
-The fingertip is a point that moves along the contact's normal, from outside or, where something is
-opposite the contact, from half way to it, and touches what it first meets. The contact may be on a
-planar face, on facets that are smaller than the miss, or on a curved solid.
+The fingertip is a point that moves along the contact's normal and touches the surface where it
+first meets it. It starts outside the body or, where a part of the body is opposite the contact,
+half way to that part. The contact can be on a planar face, on facets smaller than the error, or on
+a curved solid.
 """
 
 from __future__ import annotations
@@ -33,43 +34,46 @@ from drake_polygrasp.geometry.visible_facets import visible_facets
 from drake_polygrasp.vectors import dot, times
 
 MOST_PIECES = 100
-"""Our choice: of more facets, those of similar normals make one piece."""
+"""Our choice: if there are more pieces, those with similar normals are combined."""
 _SIMILAR = np.radians(0.5)
-"""Our choice: how far their normals are apart at first; doubled until few enough are left."""
+"""Our choice: angle between normals that are combined first; doubled until few enough are left."""
 _ROUNDING = 1e-9
-"""Our choice, added to tangents: normals are rounded to twelve digits."""
+"""Our choice, added to tangents of angles: normals are rounded to twelve digits."""
 _PLACES = 33
 _ROUNDS = 8
-"""Our choice, as `_PLACES`: places are closer to each other by a factor of 16 each round."""
+"""Our choice, like `_PLACES`: each round narrows the interval between points by a factor of 16."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacementRegion:
-    """The surface that a fingertip may touch around a contact."""
+    """The part of the surface that a fingertip may touch around a contact.
+
+    Attributes:
+        pieces: convex pieces that cover it; empty if there is no region.
+        reason: why there is no region; empty if there is one.
+    """
 
     pieces: tuple[SurfacePiece, ...]
-    """They cover it; none where there is no region."""
     reason: str = ""
-    """Why there is none."""
 
 
 def placement_region(
     polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, face: int, radius: float
 ) -> PlacementRegion:
-    """Finds the part of the true surface that a fingertip may touch when it misses a contact.
+    """Returns the part of the true surface that a fingertip may touch when it misses a contact.
 
     Args:
         polyhedron: the body.
         p_BC: the contact on the true surface [m], shape (3,).
         nhat_TB_B: the inward unit normal there, shape (3,).
-        face: index of the face or patch that it is on.
-        radius: how far the fingertip may be off in the plane of the contact, in any direction [m].
+        face: index of the face or patch that the contact is on.
+        radius: greatest error of the fingertip in the tangent plane, in any direction [m].
 
     Returns:
-        Convex pieces that cover all of it: one polygon that contains the disc and stays on the
-        face; or a piece for each facet that may be met first; or cells of a curved solid's true
-        surface. None, with the reason, where the fingertip may miss the body or touch another part
-        of it, or another body.
+        Convex pieces that cover it: on a planar face one polygon that contains the disc of errors
+        and stays on the face; on facets one piece for each facet that may be touched first; on a
+        curved solid pieces of its true surface. No pieces, but the reason, if the fingertip may
+        miss the body, or touch another part of it or another body.
     """
     on, L = polyhedron.faces[face], polyhedron.diameter
     R_BC = face_frame(-nhat_TB_B)
@@ -102,27 +106,32 @@ def placement_region(
 
 
 class _Around(NamedTuple):
-    """The surroundings of a contact that are asked about."""
+    """A contact and the neighbourhood that its errors lead to.
+
+    Attributes:
+        p_BC: the contact [m], shape (3,).
+        R_BC: columns Cx, Cy in the tangent plane and Cz outward, shape (3, 3).
+        radius: greatest error, enlarged against rounding [m].
+        window: corners of a polygon that contains the disc of errors, in the coordinates of Cx and
+            Cy [m], shape (k, 2).
+        reach: greatest distance of the window's corners from the contact [m].
+        tolerance: lengths below this are rounding errors [m].
+    """
 
     p_BC: Array
     R_BC: Array
-    """Columns Cx, Cy in the plane of the contact and Cz outward."""
     radius: float
-    """[m], a hair more than asked."""
     window: Array
-    """Corners of a polygon that holds the disc, in the coordinates of Cx and Cy [m], (k, 2)."""
     reach: float
-    """Of the window's corners [m]."""
     tolerance: float
-    """[m]"""
 
     def seen(self, p_B: Array) -> Array:
-        """Points of B [m] in the frame of the contact, shapes (..., 3)."""
+        """Returns points of B in the frame of the contact [m], shape (..., 3)."""
         return times(p_B - self.p_BC, self.R_BC)
 
 
 def _on_face(polyhedron: Polyhedron, face: int, around: _Around) -> SurfacePiece | None:
-    """A polygon on a planar face; None where the disc is not on it or anything rises above it."""
+    """Returns a polygon on a planar face; None if the face lacks the disc or is not met first."""
     on = polyhedron.faces[face]
     p_CF, R_CF = around.seen(on.p_BF), times(on.R_BF.T, around.R_BC).T
     polygon = shapely.transform(on.polygon_F, lambda xy: p_CF[:2] + times(xy, R_CF[:2, :2].T))
@@ -136,7 +145,7 @@ def _on_face(polyhedron: Polyhedron, face: int, around: _Around) -> SurfacePiece
         return None
     rises = triangles[:, :, 2].max(axis=1) > 2 * FLATNESS * polyhedron.diameter
     if rises.any() and not polyhedron.is_convex:
-        # Walls may stand on the disc's rim.
+        # Shrink the window a little, because walls may stand on the rim of the disc.
         window = corners * (1 - 2 * around.tolerance / around.radius)
         seen = visible_facets(triangles, window, polyhedron.diameter)
         if seen.is_blocked or seen.has_step or not of_face[seen.triangle].all():
@@ -146,6 +155,7 @@ def _on_face(polyhedron: Polyhedron, face: int, around: _Around) -> SurfacePiece
 
 
 def _on_solid(polyhedron: Polyhedron, solid: Primitive, around: _Around) -> PlacementRegion:
+    """Returns the region around a contact on a curved solid."""
     pieces = curved_pieces(solid, around.p_BC, around.R_BC, around.window, polyhedron.diameter)
     if not pieces:
         return PlacementRegion((), "the fingertip may miss the curved surface")
@@ -160,6 +170,7 @@ def _on_solid(polyhedron: Polyhedron, solid: Primitive, around: _Around) -> Plac
 
 
 def _on_facets(polyhedron: Polyhedron, around: _Around) -> PlacementRegion:
+    """Returns the region around a contact on facets, or on a face that lacks the disc."""
     triangles = polyhedron.own_triangles_B
     for solid in polyhedron.primitives:
         triangles = triangles[~_stand_for(solid, triangles, around.tolerance)]
@@ -177,18 +188,14 @@ def _on_facets(polyhedron: Polyhedron, around: _Around) -> PlacementRegion:
         rounded_piece(corners, nhat, polyhedron.diameter)
         for corners, nhat in zip(p_BV, nhat_TB_B, strict=True)
     ]
-    return PlacementRegion(few_pieces(pieces, polyhedron.diameter))
+    return PlacementRegion(_few_pieces(pieces, polyhedron.diameter))
 
 
-def few_pieces(pieces: Sequence[SurfacePiece], diameter: float) -> tuple[SurfacePiece, ...]:
-    """Returns at most `MOST_PIECES` pieces that cover planar ones.
+def _few_pieces(pieces: Sequence[SurfacePiece], diameter: float) -> tuple[SurfacePiece, ...]:
+    """Returns at most `MOST_PIECES` pieces that cover given planar ones.
 
-    Where there are more, those whose normals are within half a degree of one, or twice as much
-    as often as it takes, become one piece: a box around them, with the spread of their normals.
-
-    Args:
-        pieces: planar ones.
-        diameter: L of the body [m].
+    If there are more, those with normals within half a degree of one are replaced by a box around
+    them with the spread of their normals. The angle is doubled until few enough are left.
     """
     angle = _SIMILAR
     while len(pieces) > MOST_PIECES:
@@ -206,7 +213,7 @@ def few_pieces(pieces: Sequence[SurfacePiece], diameter: float) -> tuple[Surface
 
 
 def _joined(pieces: Sequence[SurfacePiece], diameter: float) -> SurfacePiece:
-    """A box along the first piece's normal that holds all."""
+    """Returns a box along the first piece's normal that contains all pieces."""
     nhat_TB_B = pieces[0].nhat_TB_B
     R_BF = face_frame(nhat_TB_B)
     p_FV = times(np.concatenate([piece.p_BV for piece in pieces]), R_BF)
@@ -222,20 +229,20 @@ def _joined(pieces: Sequence[SurfacePiece], diameter: float) -> SurfacePiece:
 
 
 def _stand_for(solid: Primitive, triangles: Array, tolerance: float) -> Bools:
-    """Which triangles (T, 3, 3) are inscribed in the curved surface of a solid, (T,)."""
+    """Returns which triangles (T, 3, 3) are inscribed in the curved surface of a solid, (T,)."""
     nhat, _ = unit_normals(triangles)
     on_curve = solid.on_curve(triangles.reshape(-1, 3), 10 * tolerance).reshape(-1, 3)
     return np.asarray(on_curve.all(axis=1) & solid.is_curved(nhat))
 
 
 def _is_near(triangles_C: Array, around: _Around) -> Bools:
-    """Whether triangles, seen along the contact's normal, come near it, (T, 3, 3) to (T,)."""
+    """Returns which triangles (T, 3, 3) are within reach, seen along the contact's normal, (T,)."""
     flat = triangles_C * [1.0, 1.0, 0.0]
     return np.asarray(point_triangle_distance(np.zeros(3), flat) <= around.reach)
 
 
 def _is_level(triangles_C: Array, around: _Around) -> Bools:
-    """Whether triangles are in the plane of the contact, but for rounding errors, (T,)."""
+    """Returns which triangles are in the contact's tangent plane, but for rounding errors, (T,)."""
     nhat, area = unit_normals(triangles_C)
     level = np.abs(triangles_C[:, :, 2]).max(axis=1) <= around.tolerance
     upright = np.sqrt(dot(nhat[:, :2], nhat[:, :2])) <= ANGLE_TOLERANCE
@@ -243,18 +250,18 @@ def _is_level(triangles_C: Array, around: _Around) -> Bools:
 
 
 def _is_over(triangles_C: Array, around: _Around, lowest: float) -> Bools:
-    """Whether triangles come near the contact above a height [m], (T, 3, 3) to (T,)."""
+    """Returns which triangles (T, 3, 3) are within reach and rise above a height [m], (T,)."""
     rises = triangles_C[:, :, 2].max(axis=1) > lowest
     return np.asarray(_is_near(triangles_C, around) & rises)
 
 
 def _is_in_the_way(solid: Primitive, around: _Around, lowest: float, L: float) -> bool:
-    """Whether a solid comes within reach of the fingertip's way, from far outside to `lowest`."""
+    """Returns whether a solid is within reach of the path from far outside to `lowest`."""
     outward = around.R_BC[:, 2]
     if solid.height(outward) - dot(around.p_BC, outward) <= lowest + around.tolerance:
         return False
     low, high = lowest, lowest + 4 * L
-    # Along a line, the distance from a convex solid has one minimum.
+    # Along a line, the distance from a convex solid has a single minimum.
     for _ in range(_ROUNDS):
         t = np.linspace(low, high, _PLACES)
         distance = solid.distance(around.p_BC + t[:, None] * outward)

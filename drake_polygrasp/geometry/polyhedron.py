@@ -1,6 +1,6 @@
-"""An object's exposed surface as planar faces.
+"""The exposed surface of an object as planar faces and near-planar patches.
 
-Section 2 of the paper: the object is a polyhedron with faces A_i and inward normals n_i.
+In Section 2 of the paper the object is a polyhedron with faces A_i and inward normals n_i.
 """
 
 from __future__ import annotations
@@ -21,25 +21,24 @@ from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot, times, transformed
 
 _PAIRS_AT_ONCE = 1 << 17
-"""Of faces and vertices that are compared at once, ours: a megabyte."""
+"""Number of face-vertex pairs compared at once, our choice: a megabyte."""
 
 
 @dataclass(frozen=True, eq=False)
 class Face:
     """A planar face of the exposed surface, or a near-planar patch of it.
 
-    Possibly non-convex, possibly with holes. Patches may overlap.
-
-    Its frame F has its origin Fo on the face's plane and Fz the outward normal.
+    It may be non-convex and have holes; patches may overlap. Its frame F has its origin Fo on the
+    plane of the face, and Fz along the outward normal.
 
     Attributes:
-        R_BF: shape (3, 3), columns Fx, Fy, Fz.
-        p_BF: [m], shape (3,).
+        R_BF: columns Fx, Fy, Fz, shape (3, 3).
+        p_BF: position of Fo [m], shape (3,).
         polygon_F: the face in the coordinates of Fx and Fy [m].
         mu: friction coefficient.
-        reach: how far the surface lies off the plane [m]: 0 for a true face; more for a patch of a
-            curved or noisy surface, on which contacts move from the plane to the surface.
-        primitive: the curved solid whose surface a patch stands for; None where the triangles are.
+        reach: greatest distance of the surface from the plane [m]: 0 for a face, above 0 for a
+            patch, whose contacts are projected from the plane onto the surface.
+        primitive: the curved solid that a patch is part of; None where triangles are the surface.
     """
 
     R_BF: Array
@@ -51,27 +50,28 @@ class Face:
 
     @property
     def nhat_TB_B(self) -> Array:
-        """The paper's n_i: inward unit normal, shape (3,)."""
+        """Inward unit normal, the paper's n_i, shape (3,)."""
         return frozen(-self.R_BF[:, 2])
 
 
 @dataclass(frozen=True, eq=False)
 class Polyhedron:
-    """Faces sorted by (outward normal, offset, centroid) rounded to 1e-9 L, and raw triangles.
+    """The faces of a body's exposed surface, and the triangles they are made of.
 
     Attributes:
-        faces: planar faces, then patches.
-        diameter: L [m]: greatest distance between two vertices.
-        triangles_B: all collision triangles [m], shape (T, 3, 3), counter-clockwise from outside.
-        triangle_face: the face that each triangle shares most of its area with, -1 where it is
+        faces: faces and patches, in the order of outward normal, offset and centroid, rounded to
+            1e-9 L.
+        diameter: L, the greatest distance between two vertices [m].
+        triangles_B: all collision triangles, counter-clockwise from outside [m], shape (T, 3, 3).
+        triangle_face: the face that shares most of each triangle's area, -1 where the triangle is
             wholly covered or belongs to no face, shape (T,).
         closed: whether each triangle's shell is closed and so has an inside, shape (T,); None when
             all are.
-        primitives: the curved solids among the body's parts; their triangles are inscribed in them.
-        cavities: the rooms that the parts seal, whose walls are no faces; None when there are none.
-        own: whether each triangle is of the body, or of another that covers it, shape (T,); None
-            when all are its own.
-        covering: the curved solids of other bodies that cover it.
+        primitives: the curved solids among the body's parts; their triangles are inscribed.
+        cavities: sealed cavities, whose walls are no faces; None when there are none.
+        own: whether each triangle is of the body, not of another that covers it, shape (T,); None
+            when all are.
+        covering: the curved solids of other bodies that cover the body.
     """
 
     faces: tuple[Face, ...]
@@ -86,61 +86,61 @@ class Polyhedron:
 
     @cached_property
     def own_triangles_B(self) -> Array:
-        """The body's own [m], shape (N, 3, 3)."""
+        """The body's own triangles [m], shape (N, 3, 3)."""
         return self.triangles_B if self.own is None else frozen(self.triangles_B[self.own])
 
     @property
     def covers_B(self) -> Array:
-        """Those of other bodies [m], shape (K, 3, 3)."""
+        """The triangles of other bodies that cover the body [m], shape (K, 3, 3)."""
         return self.triangles_B[:0] if self.own is None else self.triangles_B[~self.own]
 
     @property
     def is_covered(self) -> bool:
-        """Whether other bodies cover it and leave fingertips no room."""
+        """Whether there are other bodies that cover the body or are in the way of fingertips."""
         return self.own is not None
 
     @cached_property
     def least_radius_of_solid(self) -> Array:
-        """The least radius of the curved solid that each face is a patch of [m], else 0; (n,)."""
+        """Least radius of the curved solid that each face is a patch of, else 0 [m], shape (F,)."""
         solids = [face.primitive for face in self.faces]
         return frozen([0.0 if solid is None else float(solid.radii.min()) for solid in solids])
 
     @cached_property
     def is_patch(self) -> Bools:
-        """Which faces are patches of a curved or noisy surface, shape (F,)."""
+        """Whether each face is a patch of a curved or noisy surface, shape (F,)."""
         return frozen([face.reach > 0 for face in self.faces], bool)
 
     @cached_property
     def is_faceted(self) -> Bools:
-        """Which faces are patches of triangles, not of a curved solid, shape (F,)."""
+        """Whether each face is a patch of triangles, not of a curved solid, shape (F,)."""
         return frozen([face.reach > 0 and face.primitive is None for face in self.faces], bool)
 
     @cached_property
     def polygon_F(self) -> npt.NDArray[np.object_]:
-        """Those of the faces, shape (F,)."""
+        """`Face.polygon_F` of all faces, shape (F,)."""
         return frozen([face.polygon_F for face in self.faces], object)
 
     @cached_property
     def R_BF(self) -> Array:
-        """Those of the faces, shape (F, 3, 3)."""
+        """`Face.R_BF` of all faces, shape (F, 3, 3)."""
         return frozen([face.R_BF for face in self.faces]).reshape(-1, 3, 3)
 
     @cached_property
     def p_BF(self) -> Array:
-        """Those of the faces [m], shape (F, 3)."""
+        """`Face.p_BF` of all faces [m], shape (F, 3)."""
         return frozen([face.p_BF for face in self.faces]).reshape(-1, 3)
 
     @cached_property
     def mu(self) -> Array:
-        """Those of the faces, shape (F,)."""
+        """`Face.mu` of all faces, shape (F,)."""
         return frozen([face.mu for face in self.faces])
 
     @cached_property
     def greatest_rise(self) -> float:
-        """How far the highest vertex lies above the plane of any face [m].
+        """Greatest height of a vertex above the plane of a face [m], small on convex bodies.
 
-        Infinite where that is more than `FLATNESS` L, for bodies with patches, of which the faces
-        say too little, and for bodies with covers.
+        Infinite where it exceeds `FLATNESS` L, on bodies with patches, whose planes are not their
+        surface, and on bodies that others cover.
         """
         if self.is_patch.any() or self.is_covered:
             return np.inf
@@ -159,25 +159,32 @@ class Polyhedron:
 
     @cached_property
     def surface(self) -> TriangleSoup:
-        """All triangles."""
+        """All triangles, for queries."""
         return TriangleSoup(self.triangles_B)
 
     @cached_property
     def solids(self) -> TriangleSoup:
-        """The triangles of closed shells."""
+        """The triangles of closed shells, for queries."""
         if self.closed is None:
             return self.surface
         return TriangleSoup(self.triangles_B[self.closed])
 
     @property
     def watertight(self) -> bool:
-        """Whether every shell of the body is closed, so that it has an inside."""
+        """Whether all shells of the body are closed, so that it has an inside."""
         own = slice(None) if self.own is None else self.own
         return self.closed is None or bool(self.closed[own].all())
 
 
 def surface_vertices(polyhedron: Polyhedron) -> Array:
-    """The vertices of all faces in B [m], with repetitions, shape (V, 3)."""
+    """Returns the vertices of all faces, with repetitions.
+
+    Args:
+        polyhedron: the body.
+
+    Returns:
+        Points in B [m], shape (V, 3).
+    """
     return np.concatenate(
         [
             f.p_BF + times(shapely.get_coordinates(f.polygon_F), f.R_BF[:, :2].T)
@@ -187,9 +194,13 @@ def surface_vertices(polyhedron: Polyhedron) -> Array:
 
 
 def farthest_distance(polyhedron: Polyhedron, p_B: Array) -> float:
-    """Greatest distance of a point p_B [m], shape (3,), to the surface [m].
+    """Returns the greatest distance of a point from the surface of a body [m].
 
-    That is no covered point, for nothing of the body is farther away.
+    All triangles count, because the farthest point is never covered by another part.
+
+    Args:
+        polyhedron: the body.
+        p_B: the point [m], shape (3,).
     """
     vertices = polyhedron.own_triangles_B.reshape(-1, 3)
     to_vertices = np.linalg.norm(vertices - p_B, axis=1).max()
@@ -197,18 +208,24 @@ def farthest_distance(polyhedron: Polyhedron, p_B: Array) -> float:
 
 
 def volume_centroid(polyhedron: Polyhedron) -> Array:
-    """The centroid of the enclosed volume in B [m], shape (3,), by the divergence theorem.
+    """Returns the centroid of the enclosed volume, by the divergence theorem.
 
-    From the exposed surface, so that parts that overlap count once: the flux of x through the
-    faces is 3 V, that of x_i x is 4 V times the centroid. The facets of patches count by
-    themselves, those of curved solids as the polyhedra inscribed in them. Sealed cavities count as
-    full. The body has no covers, beneath which its faces would be missing.
+    The integration is over the exposed surface, so that parts that overlap count once: the flux of
+    x through the faces is 3 V, and that of x_i x is 4 V times the centroid. In patches the single
+    facets count, and curved solids as the polyhedra inscribed in them. Sealed cavities count as
+    solid.
+
+    Args:
+        polyhedron: a body that no other body covers, because covered faces would be missing.
+
+    Returns:
+        Point in B [m], shape (3,).
     """
     planar = [k for k, face in enumerate(polyhedron.faces) if face.primitive or not face.reach]
     faces = [polyhedron.faces[k] for k in planar]
     rest = ~np.isin(polyhedron.triangle_face, planar)
     if len(planar) == len(polyhedron.faces):
-        rest[:] = False  # What belongs to no face is covered.
+        rest[:] = False  # Without patches of facets, triangles of no face are covered.
     rest[rest] = ~_hidden(polyhedron, polyhedron.triangles_B[rest])
     nhat, area = unit_normals(polyhedron.triangles_B[rest])
     polygons = np.array([face.polygon_F for face in faces], dtype=object)
@@ -226,7 +243,7 @@ def volume_centroid(polyhedron: Polyhedron) -> Array:
 
 
 def _hidden(polyhedron: Polyhedron, triangles: Array) -> Bools:
-    """Whether the middle of each of some triangles is inside a closed shell or a cavity."""
+    """Returns which triangles have their centroid inside a closed shell or a sealed cavity."""
     nhat, _ = unit_normals(triangles)
     middle = triangles.mean(axis=1)
     outside = middle + FLATNESS * polyhedron.diameter * nhat

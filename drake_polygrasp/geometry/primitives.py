@@ -1,7 +1,8 @@
 """Curved solids in closed form: spheres, ellipsoids, cylinders and capsules.
 
-They are planned on as the polyhedra that `tessellation` inscribes; contacts and clearances are
-those of the true surface. Each solid G is centred at Go, its axis of revolution along Gz.
+Planning uses the polyhedra that `tessellation` inscribes in them; contacts and clearances are those
+of the true surface. The frame G of a solid has its origin Go at the centre and, for cylinders and
+capsules, Gz along the axis of revolution.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import circle, dot, times
 
 _SIDES = 18
-"""Ours: facets of 20 degrees lean from the surface by 10, less than most friction angles."""
+"""Our choice: facets over 20 degrees lean from the surface by at most 10, less than most friction
+angles."""
 _ROUNDING = 1e-9
-"""Relative, our choice: above rounding errors of coordinates."""
+"""Relative tolerance, our choice: above rounding errors of coordinates."""
 _ROUNDS = 200
-"""Ours: steps of iterations that converge to rounding errors in far fewer."""
+"""Our choice: number of iterations, far more than convergence to rounding errors takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +31,12 @@ class Primitive:
     """A curved solid and its pose.
 
     Attributes:
-        kind: a sphere is an ellipsoid.
+        kind: the shape; spheres are ellipsoids.
         R_BG: axes of the shape in B, shape (3, 3).
-        p_BG: [m], shape (3,).
-        radii: semi-axes along Gx, Gy, Gz; of cylinder and capsule, of the circle, twice, and half
-            the length of the axis between the centres of their ends [m], shape (3,).
+        p_BG: its centre [m], shape (3,).
+        radii: semi-axes of an ellipsoid along Gx, Gy, Gz [m], shape (3,). For cylinders and
+            capsules the radius, the radius again, and half the length of the axis, which ends at
+            the discs of a cylinder and at the centres of a capsule's hemispheres.
     """
 
     kind: Literal["ellipsoid", "cylinder", "capsule"]
@@ -49,7 +52,16 @@ class Primitive:
         return float(self.radii[0])
 
     def project(self, p_B: Array) -> tuple[Array, Array]:
-        """Points of the curved surface near points p_B [m], and outward normals there; (M, 3)."""
+        """Projects points onto the curved surface.
+
+        Args:
+            p_B: points off the centre or axis [m], shape (M, 3).
+
+        Returns:
+            Points of the surface [m] and outward unit normals there, shape (M, 3) each. On
+            ellipsoids they are in the direction of the point from the centre, on others they are
+            the nearest; a cylinder goes on beyond its ends.
+        """
         p_G = times(p_B - self.p_BG, self.R_BG)
         if self.kind == "ellipsoid":
             p_G = p_G / np.linalg.norm(p_G / self.radii, axis=1, keepdims=True)
@@ -63,9 +75,13 @@ class Primitive:
         return self.p_BG + times(p_G, self.R_BG.T), times(nhat_G, self.R_BG.T)
 
     def distance(self, p_B: Array) -> Array:
-        """Signed distance of points p_B (M, 3) [m], negative inside, (M,).
+        """Returns the signed distance of points from the solid, negative inside.
 
-        Inside ellipsoids only the sign is meant.
+        Args:
+            p_B: points [m], shape (M, 3).
+
+        Returns:
+            [m], shape (M,); inside ellipsoids only the sign is exact.
         """
         p_G = times(p_B - self.p_BG, self.R_BG)
         if self.kind == "ellipsoid":
@@ -105,14 +121,14 @@ class Primitive:
         return depth
 
     def normals_around(self, p_B: Array) -> Array:
-        """Returns vectors whose convex cone holds all normals of the curve in a polytope.
+        """Returns vectors whose convex cone contains all normals of the surface in a polytope.
 
         Args:
-            p_B: the polytope's corners, near the curve [m], shape (M, 3).
+            p_B: corners of the polytope, near the curved surface [m], shape (M, 3).
 
         Returns:
-            Outward vectors of any length, shape (M, 3) or, where a capsule's end begins between
-            the corners, (2 M, 3).
+            Outward vectors of any length, shape (M, 3), or (2 M, 3) where a capsule's hemisphere
+            begins between the corners.
         """
         p_G = times(p_B - self.p_BG, self.R_BG)
         if self.kind == "ellipsoid":
@@ -120,14 +136,22 @@ class Primitive:
         normal = p_G - self._axis_point(p_G)
         part = np.digitize(p_G[:, 2], np.array([-1.0, 1.0]) * self.radii[2])
         if self.kind == "capsule" and (part != part[0]).any():
-            # z less its part on the axis is no linear function, but within its range.
+            # The normal's z component is not linear in the point, but within its range.
             low, high = normal.copy(), normal.copy()
             low[:, 2], high[:, 2] = normal[:, 2].min(), normal[:, 2].max()
             normal = np.concatenate([low, high])
         return times(normal, self.R_BG.T)
 
     def on_curve(self, p_B: Array, tolerance: float) -> Bools:
-        """Whether points p_B (M, 3) [m] are within `tolerance` [m] of the curved surface, (M,)."""
+        """Returns which points are on the curved surface.
+
+        Args:
+            p_B: points [m], shape (M, 3).
+            tolerance: greatest distance from the surface [m].
+
+        Returns:
+            Shape (M,).
+        """
         near = np.linalg.norm(self.project(p_B)[0] - p_B, axis=1) <= tolerance
         if self.kind == "cylinder":
             z = times(p_B - self.p_BG, self.R_BG[:, 2])
@@ -135,14 +159,26 @@ class Primitive:
         return np.asarray(near)
 
     def is_curved(self, nhat_B: Array) -> Bools:
-        """Which facets with normals (T, 3) stand for curved surface, not a cylinder's ends."""
+        """Returns which facets of the tessellation are inscribed in the curved surface.
+
+        The others are the ends of a cylinder.
+
+        Args:
+            nhat_B: outward unit normals of the facets, shape (T, 3).
+
+        Returns:
+            Shape (T,).
+        """
         along = np.abs(times(nhat_B, self.R_BG[:, 2]))
         return np.asarray((self.kind != "cylinder") | (along < np.sqrt(0.5)))
 
     def farthest(self, p_B: Array) -> float:
-        """Greatest distance of a point p_B (3,) [m] to the solid.
+        """Returns the greatest distance of a point from points of the solid [m].
 
-        By climbing: the point of the solid farthest along the last direction is farther away.
+        It climbs: the point of the solid that is extreme in the last direction is farther away.
+
+        Args:
+            p_B: the point [m], shape (3,).
         """
         p_G = times(p_B - self.p_BG, self.R_BG)
         start = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)]) - 1.0
@@ -153,12 +189,16 @@ class Primitive:
         return float(np.linalg.norm(arm, axis=1).max())
 
     def height(self, direction_B: Array) -> float:
-        """How far the solid reaches along a unit vector (3,), from Bo [m]."""
+        """Returns the support of the solid: its greatest coordinate along a direction, from Bo [m].
+
+        Args:
+            direction_B: a unit vector, shape (3,).
+        """
         top = self._support(times(direction_B, self.R_BG)[None])[0]
         return float(times(self.p_BG, direction_B) + times(top, times(direction_B, self.R_BG)))
 
     def _support(self, direction: Array) -> Array:
-        """Points of the solid farthest along unit vectors, both in G, (M, 3)."""
+        """Returns the extreme points of the solid along unit vectors, both in G, shape (M, 3)."""
         if self.kind == "ellipsoid":
             scaled = direction * self.radii
             return np.asarray(self.radii * scaled / np.linalg.norm(scaled, axis=1, keepdims=True))
@@ -171,14 +211,17 @@ class Primitive:
         return np.asarray(self.radii[0] * round_part + end[:, None] * [0, 0, 1])
 
     def _axis_point(self, p_G: Array) -> Array:
-        """The points of the axis nearest to p_G; a cylinder's goes on beyond its ends."""
+        """Returns the points of the axis nearest to p_G; that of a cylinder is not bounded."""
         z = p_G[:, 2]
         if self.kind == "capsule":
             z = np.clip(z, -self.radii[2], self.radii[2])
         return np.asarray(z[:, None] * [0.0, 0.0, 1.0])
 
     def _distance_from_ellipsoid(self, p_G: Array) -> Array:
-        """The nearest point is a^2 p / (a^2 + t); its t >= 0 by bisection (Eberly)."""
+        """Returns the signed distances of points from an ellipsoid (Eberly).
+
+        The nearest point is a^2 p / (a^2 + t), with t >= 0 found by bisection.
+        """
         square = self.radii**2
         level = np.linalg.norm(p_G / self.radii, axis=1)
         low, high = np.zeros(len(p_G)), np.linalg.norm(p_G * self.radii, axis=1)
@@ -192,24 +235,30 @@ class Primitive:
 
 
 def _entry(points: Array, along: Array, radius: float) -> Array:
-    """Where rays from points (M, 3) enter a sphere about the origin, NaN where they miss it.
+    """Returns where rays from points (M, 3) enter a sphere about the origin, NaN if they miss it.
 
-    In units of `along`, which has any length.
+    The results are multiples of `along`, which may have any length.
     """
     a, b, c = dot(along, along), times(points, along), dot(points, points) - radius**2
     if a <= 0:
         return np.full(len(points), np.nan)
     square = b**2 - a * c
     root = np.sqrt(np.where(square >= 0, square, np.nan))
-    # Of the two forms of the root, the one without cancellation on the surface.
+    # This form of the smaller root has no cancellation for points on the surface.
     return np.asarray(c / np.where(b < 0, root - b, np.nan))
 
 
 def tessellation(primitive: Primitive) -> Array:
-    """Triangles of a polyhedron inscribed in a solid.
+    """Returns the triangles of a polyhedron inscribed in a solid.
 
-    In B [m], shape (T, 3, 3), counter-clockwise from outside. Facets are planar: they are
-    trapezoids between circles of latitude, and discs at the poles, so that none is a needle.
+    Its facets are trapezoids between circles of latitude and polygons at the poles, so that none is
+    a needle.
+
+    Args:
+        primitive: the solid.
+
+    Returns:
+        In B, counter-clockwise from outside [m], shape (T, 3, 3).
     """
     step = 2 * math.pi / _SIDES
     radius, (a, b, c) = np.ones(1), primitive.radii
@@ -239,7 +288,12 @@ def tessellation(primitive: Primitive) -> Array:
 
 
 def sagitta(primitive: Primitive, triangles: Array) -> float:
-    """How far the curved surface rises above a facet made of triangles (k, 3, 3) [m]."""
+    """Returns how far the curved surface rises above a planar facet of its tessellation [m].
+
+    Args:
+        primitive: the curved solid.
+        triangles: the triangles of the facet [m], shape (k, 3, 3).
+    """
     nhat, _ = unit_normals(triangles)
     edges = (triangles + np.roll(triangles, -1, axis=1)) / 2
     inner = np.concatenate([edges.reshape(-1, 3), triangles.reshape(-1, 3).mean(0, keepdims=True)])

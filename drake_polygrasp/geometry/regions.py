@@ -1,6 +1,6 @@
-"""The eroded regions of an object's faces that fingers may use: the planner's A_i.
+"""The regions of an object's faces that contacts may use, away from edges: the planner's A_i.
 
-Section 2 of the paper: no contact lies on an edge.
+In Section 2 of the paper no contact lies on an edge.
 """
 
 from __future__ import annotations
@@ -13,40 +13,41 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, frozen
 from drake_polygrasp.geometry.inradius import inradius, rough_inradius
+from drake_polygrasp.geometry.polygons import shrunk
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
 
 DEFAULT_CLEARANCE = 0.01
-"""Times the diameter L, ours: how far contacts stay away from edges."""
+"""Times the diameter L, our choice: least distance of contacts from edges."""
 CLEARANCE_OF_INRADIUS = 0.2
-"""Times a face's inradius, ours: on small faces contacts stay away from edges only this far."""
+"""Times a face's inradius, our choice: least distance of contacts from edges on small faces."""
 PLACEMENT_ERROR = 0.02
-"""Times the diameter L, our choice: by how much robots miss."""
+"""Times the diameter L, our choice: a typical error of a robot's fingertips."""
 ERROR_OF_INRADIUS = 0.5
 """Times a face's inradius, our choice: contacts on small faces may miss by no more than this."""
 MIN_INRADIUS = 0.002
-"""Times the diameter L, ours: narrower faces are no place for a finger."""
+"""Times the diameter L, our choice: faces with a smaller inradius are too narrow for a finger."""
 
 
 @dataclass(frozen=True, eq=False)
 class Regions:
     """The regions that erosion leaves of the faces: the planner's A_i, one row each.
 
-    Boundaries are ragged: region r has the closed rings `ring_offsets[region_offsets[r]:
-    region_offsets[r + 1] + 1]` into `p_BV`, the first of each Polygon its exterior.
+    The rings of region r begin and end at the vertices `ring_offsets[region_offsets[r]:
+    region_offsets[r + 1] + 1]`; the first ring is the exterior.
 
     Attributes:
-        polygon_F: shapely Polygons in the coordinates of their face's frame F, shape (n,).
+        polygon_F: shapely Polygons in the frame F of their face [m], shape (n,).
         face: index of the face, shape (n,).
-        R_BF: shape (n, 3, 3).
-        p_BF: [m], shape (n, 3).
-        nhat_TB_B: inward unit normals, shape (n, 3).
-        mu: shape (n,).
+        R_BF: orientation of the face, shape (n, 3, 3).
+        p_BF: origin of the face's frame [m], shape (n, 3).
+        nhat_TB_B: inward unit normal, shape (n, 3).
+        mu: friction coefficient, shape (n,).
         area: [m^2], shape (n,).
-        p_BV: ring vertices, each ring's first repeated at its end [m], shape (V, 3).
-        ring_offsets: where each ring's vertices begin.
-        region_offsets: where each region's rings begin.
-        num_left_out: faces too narrow for a finger.
+        p_BV: vertices of all rings, the first of each repeated at its end [m], shape (V, 3).
+        ring_offsets: index in `p_BV` at which each ring begins, and V.
+        region_offsets: index of the first ring of each region, and the number of rings.
+        num_left_out: number of faces without a region, because they are too narrow.
     """
 
     polygon_F: npt.NDArray[np.object_]
@@ -62,7 +63,11 @@ class Regions:
     num_left_out: int
 
     def take(self, kept: Bools) -> Regions:
-        """Those that `kept` says, shape (n,)."""
+        """Returns some of the regions.
+
+        Args:
+            kept: whether to keep each region, shape (n,).
+        """
         num_rings, num_vertices = np.diff(self.region_offsets), np.diff(self.ring_offsets)
         rings = np.repeat(kept, num_rings)
         return Regions(
@@ -85,15 +90,22 @@ def erode(
     edge_clearance: float | None = None,
     min_inradius: float | None = None,
 ) -> Regions:
-    """The parts of the faces that lie `edge_clearance` [m] away from every edge.
+    """Returns the parts of the faces that keep a distance from every edge.
 
     This is the paper's security distance, applied once and before everything else. At reflex
     corners the offset edges are extended to their intersection, which removes a little more than
-    the distance and keeps polygons simple. Faces with an inradius below `min_inradius` [m]
-    (default: `MIN_INRADIUS` L) are left out; a patch of a curved solid, whose neighbours continue
-    it, only where the solid's least radius is below that too. The default clearance is, for each
-    face, the lesser of `DEFAULT_CLEARANCE` L and `CLEARANCE_OF_INRADIUS` times its inradius.
-    Regions are sorted by face, then centroid.
+    the distance and keeps polygons simple.
+
+    Args:
+        polyhedron: the body.
+        edge_clearance: the distance [m]; by default, for each face, the lesser of
+            `DEFAULT_CLEARANCE` L and `CLEARANCE_OF_INRADIUS` times its inradius.
+        min_inradius: least inradius of a face [m], by default `MIN_INRADIUS` L. A patch of a curved
+            solid, which continues in its neighbours, may be narrower if the least radius of the
+            solid is not.
+
+    Returns:
+        Regions, sorted by face, then centroid; a face can have several.
     """
     L = polyhedron.diameter
     polygons = polyhedron.polygon_F
@@ -114,25 +126,24 @@ def erode(
 
 
 def default_placement_errors(polyhedron: Polyhedron) -> Array:
-    """Returns by how much a contact on each face may miss by default [m], shape (F,).
+    """Returns the default placement error of a contact on each face.
 
-    The lesser of `PLACEMENT_ERROR` L and `ERROR_OF_INRADIUS` times the face's inradius, so that
-    thin faces keep room for contacts that may miss.
+    It is the lesser of `PLACEMENT_ERROR` L and `ERROR_OF_INRADIUS` times the face's inradius, so
+    that contacts with this error fit on narrow faces.
+
+    Args:
+        polyhedron: the body.
+
+    Returns:
+        [m], shape (F,).
     """
     most = PLACEMENT_ERROR * polyhedron.diameter
     radius = _radii(polyhedron, polyhedron.polygon_F, most / ERROR_OF_INRADIUS)
     return np.minimum(most, ERROR_OF_INRADIUS * radius)
 
 
-def shrunk(polygons: npt.NDArray[np.object_], by: float | Array) -> npt.NDArray[np.object_]:
-    """Polygons less what is nearer than `by` [m] to their edges, with sharp corners."""
-    # GEOS divides by zero at some corners, to no harm, and numpy would warn of it.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(shapely.buffer(polygons, -by, join_style="mitre"))
-
-
 def _radii(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], wide: float) -> Array:
-    """Inradii of the faces [m], rough ones of patches; what is above `wide` is a lower bound."""
+    """Returns inradii of faces [m]: lower bounds for patches and above `wide`, else exact."""
     is_faceted = polyhedron.is_faceted
     radius = np.empty(len(polygons))
     radius[is_faceted] = rough_inradius(polygons[is_faceted])
@@ -143,6 +154,7 @@ def _radii(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], wide: floa
 
 
 def _regions(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], face: Ints) -> Regions:
+    """Returns polygons on faces as sorted regions."""
     centroid = shapely.get_coordinates(shapely.centroid(polygons))
     keys = np.round(centroid / (LENGTH_TOLERANCE * polyhedron.diameter))
     order = np.lexsort((keys[:, 1], keys[:, 0], face))
@@ -169,7 +181,15 @@ def _regions(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], face: In
 
 
 def nearest_points(shapes: Shapes, points: Array) -> Array:
-    """The point of each shape nearest to one point, (M,) and (M, 2) to (M, 2)."""
+    """Returns the point of each shape that is nearest to a given point.
+
+    Args:
+        shapes: shapely geometries, shape (M,).
+        points: one point for each, shape (M, 2).
+
+    Returns:
+        Shape (M, 2).
+    """
     links = shapely.shortest_line(shapes, shapely.points(points))
     nearest: Array = shapely.get_coordinates(links)[::2]
     return nearest
@@ -177,11 +197,11 @@ def nearest_points(shapes: Shapes, points: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Boundary:
-    """The directed edges of all regions, flat; every vertex is the tail of exactly one edge.
+    """The directed edges of all regions; every vertex is the tail of exactly one edge.
 
     Attributes:
-        tail: [m], shape (E, 3).
-        head: [m], shape (E, 3).
+        tail: start points [m], shape (E, 3).
+        head: end points [m], shape (E, 3).
         offsets: region r has the edges `offsets[r]:offsets[r + 1]`, shape (n + 1,).
     """
 
@@ -191,7 +211,11 @@ class Boundary:
 
 
 def boundary(regions: Regions) -> Boundary:
-    """The edges of the regions' closed rings."""
+    """Returns the edges of the regions' rings.
+
+    Args:
+        regions: the regions.
+    """
     is_tail = np.ones(len(regions.p_BV), dtype=bool)
     is_tail[regions.ring_offsets[1:] - 1] = False
     tails = np.flatnonzero(is_tail)

@@ -8,18 +8,15 @@ Where shells overlap their winding numbers add up; a point is covered where the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
+from drake_polygrasp.geometry.polygons import Polygons, restore
 from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.vectors import times
-
-Polygons = npt.NDArray[np.object_]
 
 _CRACK = 1e-4
 """Times L, our choice: size of the gaps and overlaps between the convex pieces into which
@@ -27,8 +24,6 @@ decomposition cuts a solid."""
 
 _PAIRS_AT_ONCE = 1 << 20
 """Number of point-segment pairs compared at once, our choice: about 40 MB of temporaries."""
-_LOST = 1e-9
-"""Fraction of the area, our choice: a larger loss shows that a union is wrong."""
 
 
 class Mesh(NamedTuple):
@@ -117,66 +112,6 @@ def _section(corners: Ints, height: Array, xy: Array, L: float) -> Polygons:
     points = shapely.get_coordinates(shapely.point_on_surface(areas))
     solid = shapely.coverage_union_all(areas[_winding_number(points, segments) > 0])
     return restore(shapely.get_parts(solid), segments.reshape(-1, 2), grid)
-
-
-def merged(triangles: Polygons, grid: float) -> shapely.Geometry:
-    """Returns the union of triangles.
-
-    It is exact where they share whole sides and nothing else; otherwise coordinates are rounded to
-    a grid.
-
-    Args:
-        triangles: shapely Polygons [m], shape (K,).
-        grid: spacing of the grid [m].
-    """
-    try:
-        union = shapely.coverage_union_all(triangles)
-        total = shapely.area(triangles).sum()
-        if shapely.is_valid(union) and abs(union.area - total) <= _LOST * total:
-            return union
-    except shapely.GEOSException:
-        pass  # Some triangles overlap.
-    return shapely.union_all(triangles, grid_size=grid)
-
-
-def restore(geometries: Polygons, vertices: Array, grid: float) -> Polygons:
-    """Returns polygons whose vertices are snapped back to where they were before rounding.
-
-    Rounding to a grid makes overlays robust.
-
-    Args:
-        geometries: polygons with rounded vertices, shape (n,).
-        vertices: the exact vertices [m], shape (k, 2).
-        grid: spacing of the grid [m].
-
-    Returns:
-        Polygons; one becomes several where snapping closes a gap.
-    """
-    return valid(shapely.snap(geometries, shapely.multipoints(vertices), 2 * grid))
-
-
-def valid(polygons: Sequence[shapely.Polygon] | Polygons) -> Polygons:
-    """Returns polygons, with those whose rings cross replaced by valid ones of the same structure.
-
-    Args:
-        polygons: polygons of any validity, shape (n,).
-    """
-    polygons = np.array(polygons, dtype=object)
-    broken = ~shapely.is_valid(polygons)
-    polygons[broken] = shapely.make_valid(
-        polygons[broken], method="structure", keep_collapsed=False
-    )
-    return areas_of(polygons)
-
-
-def areas_of(geometries: Sequence[shapely.Geometry] | Polygons) -> Polygons:
-    """Returns the polygons of geometries, without the points and lines that overlays leave.
-
-    Args:
-        geometries: polygons, collections or multipart geometries, shape (n,).
-    """
-    parts = shapely.get_parts(shapely.get_parts(np.asarray(geometries, dtype=object)))
-    return np.asarray(parts[shapely.get_dimensions(parts) == 2])
 
 
 def _segments(corners: Ints, height: Array, xy: Array) -> Array:

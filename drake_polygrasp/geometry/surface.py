@@ -1,8 +1,8 @@
-"""From collision triangles to the faces of the exposed surface (Section 2 of the paper).
+"""Builds the faces of the exposed surface from collision triangles (for Section 2 of the paper).
 
-A body is a union of closed shells. Triangles of one plane are merged into polygons, and what lies
-inside or against another shell, or in a cavity that they seal, is cut away. Where a body is curved
-or noisy, facets make patches.
+A body is a union of closed shells. Coplanar triangles are merged into polygons, and whatever lies
+inside or against another shell, or in a sealed cavity, is cut away. On curved or noisy surfaces,
+facets are combined into patches.
 """
 
 from __future__ import annotations
@@ -17,19 +17,16 @@ from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.cavities import Cavities, find_cavities
 from drake_polygrasp.geometry.patches import Patch, check_tolerances, curved_triangles, grow_patches
-from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
-from drake_polygrasp.geometry.primitives import Primitive, sagitta, tessellation
-from drake_polygrasp.geometry.regions import shrunk
-from drake_polygrasp.geometry.sections import (
-    Mesh,
-    Plane,
+from drake_polygrasp.geometry.polygons import (
     Polygons,
     areas_of,
-    covered,
     merged,
     restore,
-    valid,
+    tidy_polygons,
 )
+from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
+from drake_polygrasp.geometry.primitives import Primitive, sagitta, tessellation
+from drake_polygrasp.geometry.sections import Mesh, Plane, covered
 from drake_polygrasp.geometry.shells import oriented_shells, weld, without_doubles
 from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
@@ -37,7 +34,7 @@ from drake_polygrasp.geometry.triangles import diameter, face_frame, unit_normal
 from drake_polygrasp.vectors import dot, times
 
 _JUST_OUTSIDE = 1e-5
-"""Times L, ours: where to look whether a facet is covered."""
+"""Times L, our choice: height over a facet of the points that are tested for being covered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +42,12 @@ class Part:
     """One collision geometry of a body.
 
     Attributes:
-        triangles_B: [m], shape (T, 3, 3), in any sense of rotation.
+        triangles_B: triangles of either orientation [m], shape (T, 3, 3).
         mu: friction coefficient.
-        primitive: the curved solid that the triangles are inscribed in.
-        warnings: what was changed of the geometry's file, one sentence each.
-        own: false for the geometry of another body, which covers faces and leaves tips no room.
+        primitive: the curved solid that the triangles are inscribed in; None if there is none.
+        warnings: changes to the geometry of the file, one sentence each.
+        own: False for the geometry of another body, which covers faces and is in the way of
+            fingertips.
     """
 
     triangles_B: Array
@@ -60,26 +58,35 @@ class Part:
 
 
 def curved_part(primitive: Primitive, mu: float) -> Part:
-    """A curved solid as a part."""
+    """Returns a curved solid as a part.
+
+    Args:
+        primitive: the solid.
+        mu: its friction coefficient.
+    """
     return Part(tessellation(primitive), mu, primitive)
 
 
 def build_polyhedron(
     parts: Sequence[Part], patch_angle: float | None = None, patch_depth: float | None = None
 ) -> Polyhedron:
-    """The exposed surface of the union of `parts`, as planar faces and near-planar patches.
+    """Returns the exposed surface of a union of parts, as planar faces and near-planar patches.
 
-    Parts that are not the body's own cover its faces and have none.
+    A triangle belongs to a face if its vertices lie within `FLATNESS` L of the plane of the face's
+    largest triangle and the two normals are not opposed. Faces of different friction are not
+    merged; where they coincide the lower friction holds. On bodies of more than 1000 planes, the
+    facets outside broad planes form patches.
 
-    A triangle joins a face when its vertices lie within `FLATNESS` L of the plane of the face's
-    largest triangle and their normals are not opposed. Faces of different friction are never
-    merged; where they coincide the lesser friction holds. On a body of very many planes, facets
-    that are not of a broad one make patches, in which normals lean by at most `patch_angle` [rad]
-    (default: 12 degrees) from the middle's and vertices lie about `patch_depth` [m] off the plane
-    (default: 0.005 L).
+    Args:
+        parts: the geometries of the body, and of other bodies, which cover its faces and have none.
+        patch_angle: greatest angle between normals in a patch and that of its seed [rad]; None for
+            12 degrees.
+        patch_depth: about the greatest distance of a patch's vertices from its plane [m]; None for
+            0.005 L.
 
-    Raises ModelError when the parts enclose nothing, UsageError for an angle or a depth that no
-    patch has.
+    Raises:
+        ModelError: when the body has no faces: no triangles, no volume, or all of it covered.
+        UsageError: when the angle or the depth is out of range.
     """
     check_tolerances(patch_angle, patch_depth)
     if not sum(len(part.triangles_B) for part in parts if part.own):
@@ -89,8 +96,8 @@ def build_polyhedron(
     triangles = mesh.vertices[mesh.corners]
     if not mesh.own.any():
         raise ModelError(
-            f"all its triangles are flat, thinner than a rounding error of its length of {L:g} m; "
-            "look for a vertex far away from the others"
+            f"all its triangles are thinner than a rounding error of its length of {L:g} m; look "
+            "for a vertex far away from the others"
         )
     primitives, covering = (
         tuple(part.primitive for part in parts if part.primitive is not None and part.own is own)
@@ -142,17 +149,18 @@ def build_polyhedron(
 
 
 def _patch_face(patch: Patch) -> Face:
+    """Returns a patch of facets as a face."""
     p_BF = patch.offset * patch.R_BF[:, 2]
     return Face(frozen(patch.R_BF), frozen(p_BF), patch.polygon_F, patch.mu, patch.reach)
 
 
 def _is_one_solid(mesh: Mesh) -> bool:
-    """Whether the body is one shell that does not meet itself: it covers nothing of itself."""
+    """Returns whether there is a single manifold shell, which covers nothing of itself."""
     return len(mesh.closed) == 1 and bool(mesh.simple.all())
 
 
 def _is_sealed(face: Face, cavities: Cavities) -> bool:
-    """Whether all of a face is in a cavity; in parts of others, no contact can be projected."""
+    """Returns whether a face is wholly in a cavity; if in part, no contact is projected there."""
     pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(face.polygon_F))
     xy = shapely.get_coordinates(shapely.centroid(pieces))
     p_BC = face.p_BF + times(xy, face.R_BF[:, :2].T)
@@ -162,7 +170,11 @@ def _is_sealed(face: Face, cavities: Cavities) -> bool:
 def _exposed_facets(
     mesh: Mesh, triangles: Array, among: Bools, cavities: Cavities | None, L: float
 ) -> Ints:
-    """Those of which no sample is inside a shell, nor the middle in a cavity; facets are small."""
+    """Returns the facets of patches that are exposed.
+
+    Facets are small, so it suffices that four samples are outside all shells and that the centroid
+    is in no cavity.
+    """
     facets = np.flatnonzero(among)
     if _is_one_solid(mesh):
         return facets
@@ -179,6 +191,7 @@ def _exposed_facets(
 
 
 def _mesh(parts: Sequence[Part], tolerance: float) -> Mesh:
+    """Returns the parts as shells of welded triangles, oriented outward."""
     vertices, corners = weld(np.concatenate([part.triangles_B for part in parts]), tolerance)
     count = 0
     rows: list[tuple[Ints, Ints, Array, Ints, Bools]] = []
@@ -204,9 +217,14 @@ def _mesh(parts: Sequence[Part], tolerance: float) -> Mesh:
 
 
 def _planes(triangles: Array, curve: Ints, among: Bools, L: float) -> list[Plane]:
-    """Planes by descending area of their largest triangle; needles without area have none.
+    """Returns the planes of triangles by descending area of their largest triangle.
 
-    Of some triangles, the facets of each curved solid (T,) apart.
+    Args:
+        triangles: [m], shape (T, 3, 3).
+        curve: the curved solid that each triangle is a facet of, -1 for none, shape (T,); facets of
+            different solids are in different planes.
+        among: which triangles to take, shape (T,); degenerate ones are skipped.
+        L: diameter of the body [m].
     """
     nhat, area = unit_normals(triangles)
     longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
@@ -230,7 +248,7 @@ def _planes(triangles: Array, curve: Ints, among: Bools, L: float) -> list[Plane
 
 
 def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
-    """The faces on one plane, in order of friction."""
+    """Returns the exposed faces on one plane, by ascending friction."""
     corners, mu = mesh.corners[plane.triangles], mesh.mu[plane.triangles]
     xy = times(mesh.vertices, plane.R_BF[:, :2])
     pieces = shapely.polygons(xy[corners])
@@ -241,7 +259,7 @@ def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
     grid = LENGTH_TOLERANCE * L
     if alone and (mu == mu[0]).all():
         whole = areas_of([merged(pieces, grid)])
-        return [_face(plane, polygon, mu[0]) for polygon in _tidy_polygons(whole, L)]
+        return [_face(plane, polygon, mu[0]) for polygon in tidy_polygons(whole, L)]
     cover = _NOTHING if alone else covered(mesh, plane, near, L)
     vertices = np.concatenate([xy[corners].reshape(-1, 2), shapely.get_coordinates(cover)])
     taken = shapely.union_all(cover, grid_size=grid)
@@ -251,7 +269,7 @@ def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
         free = shapely.difference(own, taken, grid_size=grid)
         taken = shapely.union_all(areas_of([taken, own]), grid_size=grid)
         free = restore(areas_of([free]), vertices, grid)
-        faces += [_face(plane, polygon, value) for polygon in _tidy_polygons(free, L)]
+        faces += [_face(plane, polygon, value) for polygon in tidy_polygons(free, L)]
     return faces
 
 
@@ -259,45 +277,19 @@ _NOTHING: Polygons = np.empty(0, dtype=object)
 
 
 def _shells_near(mesh: Mesh, points: Array, reach: float) -> Ints:
-    """Shells whose bounding box meets that of the points."""
+    """Returns the shells whose bounding box is within `reach` [m] of that of the points."""
     low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
     return np.flatnonzero(((mesh.low <= high) & (mesh.high >= low)).all(axis=1))
 
 
 def _face(plane: Plane, polygon: shapely.Polygon, mu: float) -> Face:
-    """Fo is the point of the plane nearest to Bo."""
+    """Returns a polygon on a plane as a face, with Fo at the point of the plane nearest to Bo."""
     p_BF = plane.offset * plane.R_BF[:, 2]
     return Face(frozen(plane.R_BF), frozen(p_BF), polygon, float(mu))
 
 
-def _tidy_polygons(polygons: Polygons, L: float) -> list[shapely.Polygon]:
-    """Without collinear vertices, nor polygons or holes narrower than 2 `FLATNESS` L."""
-    tidied: list[shapely.Polygon] = []
-    for part in polygons[_wide(polygons, L)]:
-        holes = shapely.polygons(np.array(part.interiors, dtype=object))
-        shell, *rest = (_corners(ring, L) for ring in [part.exterior, *part.interiors])
-        kept = [ring for ring, wide in zip(rest, _wide(holes, L), strict=True) if wide]
-        # A hole that touches the rim at a vertex may reach beyond the straightened rim.
-        tidied += shapely.orient_polygons(valid([shapely.Polygon(shell, kept)])).tolist()
-    return tidied
-
-
-def _wide(polygons: Polygons, L: float) -> Bools:
-    return ~np.asarray(shapely.is_empty(shrunk(polygons, FLATNESS * L)), dtype=bool)
-
-
-def _corners(ring: shapely.LinearRing, L: float) -> shapely.LinearRing:
-    """The ring from a true corner on, without vertices within `FLATNESS` L of the others' line."""
-    vertices = shapely.get_coordinates(ring)[:-1]
-    from_middle = np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)
-    # The farthest vertex lies on no line between two others, so simplifying may start there.
-    start = np.argmax(np.round(from_middle / (LENGTH_TOLERANCE * L)))
-    vertices = np.roll(vertices, -start, axis=0)
-    return shapely.simplify(shapely.LinearRing(vertices), FLATNESS * L)
-
-
 def _largest_overlap(mesh: Mesh, plane: Plane, faces: list[Face], first: int) -> Ints:
-    """The face, numbered from `first`, that shares most area with each triangle of the plane."""
+    """Returns the face, numbered from `first`, that shares most area with each triangle."""
     if not faces or len(plane.triangles) == 1:
         return np.full(len(plane.triangles), first if faces else -1, dtype=np.int64)
     xy = times(mesh.vertices, plane.R_BF[:, :2])
@@ -312,7 +304,10 @@ def _largest_overlap(mesh: Mesh, plane: Plane, faces: list[Face], first: int) ->
 
 
 def _order(faces: list[Face], L: float) -> Ints:
-    """Faces by outward normal, offset and centroid, so that the file's order does not matter."""
+    """Returns the faces in an order that does not depend on the order in the model file.
+
+    They are sorted by outward normal, offset and centroid.
+    """
     R_BF = np.array([face.R_BF for face in faces])
     centroid = shapely.centroid(np.array([face.polygon_F for face in faces], dtype=object))
     p_BF = np.array([face.p_BF for face in faces])

@@ -1,7 +1,8 @@
-"""The facets that a fingertip may touch first when it moves along a contact's normal and misses.
+"""Finds the facets that a fingertip may touch first when it misses a contact.
 
-Seen along the normal, facets are polygons, cut to a window around the contact. A facet is hidden
-where another one lies above it, and planes are compared at the corners of where two overlap.
+The fingertip moves along the contact's normal. Facets are projected along it and clipped to a
+window around the contact. A facet is hidden where another one lies above it; the two planes are
+compared at the corners of the overlap.
 """
 
 from __future__ import annotations
@@ -17,33 +18,37 @@ from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot
 
 _UPRIGHT = 1e-6
-"""Our choice: the cosine below which a facet seen from above is a line, a wall."""
+"""Our choice: facets at a smaller cosine to the contact's normal are walls, seen as lines."""
 _HALF_WAY = 0.5
-"""Our choice: fingertips begin their way half way to what is opposite the contact."""
+"""Our choice: fingertips start half way to the part of the body opposite the contact, if any."""
 
 
 class VisibleFacets(NamedTuple):
-    """What is seen of facets from above a contact C, whose frame has Cz outward."""
+    """The facets visible from above a contact C, whose frame has Cz outward.
+
+    Attributes:
+        p_CV: corners of the convex hull of each facet's visible part, in order [m], shape (k, 3).
+        nhat_C: outward unit normal of each facet, shape (n, 3).
+        triangle: index of each facet's triangle, shape (n,).
+        hole: distance from the contact, seen from above, to the nearest point under which there is
+            no facet [m]; infinite if there is none.
+        has_step: whether a facet ends above another one.
+        is_blocked: whether the body fills part of the fingertips' path.
+    """
 
     p_CV: list[Array]
-    """Corners of the convex hull of what is seen of each, in order [m], shape (k, 3) each."""
     nhat_C: Array
-    """Outward unit normals, shape (n, 3)."""
     triangle: Ints
-    """Which each is, shape (n,)."""
     hole: float
-    """How near to the contact one sees past all of them [m]; infinite where nowhere."""
     has_step: bool
-    """Whether one facet ends above another."""
     is_blocked: bool
-    """Whether the body fills part of the way that fingertips come."""
 
 
 def visible_facets(triangles_C: Array, window: Array, diameter: float) -> VisibleFacets:
-    """Finds the facets that are seen from above a contact within a window around it.
+    """Returns the facets visible from above a contact within a window around it.
 
     Args:
-        triangles_C: counter-clockwise from outside [m], shape (T, 3, 3).
+        triangles_C: in the contact's frame, counter-clockwise from outside [m], shape (T, 3, 3).
         window: corners of a convex polygon about the contact in the plane of Cx and Cy [m],
             shape (k, 2).
         diameter: L of the body [m].
@@ -83,18 +88,18 @@ def visible_facets(triangles_C: Array, window: Array, diameter: float) -> Visibl
 
 
 def _is_wide(shapes: Shapes, tolerance: float) -> Bools:
-    """Whether polygons are wider than a rounding error."""
+    """Returns which polygons are wider than a rounding error."""
     return np.asarray(2 * shapely.area(shapes) > tolerance * shapely.length(shapes))
 
 
 def _planes(corner: Array, nhat: Array) -> Array:
-    """The planes z = a x + b y + c through points (n, 3), as (a, b, c), shape (n, 3)."""
+    """Returns (a, b, c) of the planes z = a x + b y + c through points (n, 3), shape (n, 3)."""
     slope = -nhat[:, :2] / nhat[:, 2:]
     return np.column_stack([slope, corner[:, 2] - dot(slope, corner[:, :2])])
 
 
 def _heights(shapes: Shapes, planes: Array) -> tuple[Array, Array]:
-    """The least and the greatest height of planes over the corners of shapes [m], (n,) each."""
+    """Returns the least and greatest heights of planes at the corners of shapes [m], (n,) each."""
     xy, owner = shapely.get_coordinates(shapes, return_index=True)
     z = dot(planes[owner, :2], xy) + planes[owner, 2]
     low, high = np.full(len(shapes), np.inf), np.full(len(shapes), -np.inf)
@@ -104,13 +109,13 @@ def _heights(shapes: Shapes, planes: Array) -> tuple[Array, Array]:
 
 
 def _ceiling(shapes: Shapes, planes: Array, least: float) -> float:
-    """How high above the contact the first facet is that is more than `least` above it [m]."""
+    """Returns the height of the lowest facet more than `least` above the contact [m]."""
     height = planes[shapely.intersects_xy(shapes, 0.0, 0.0), 2]
     return float(height[height > least].min(initial=np.inf))
 
 
 def _walls_cross(walls: Array, window: shapely.Polygon, height: float) -> bool:
-    """Whether walls (w, 3, 3) within the window are partly above a height and partly below."""
+    """Returns whether some wall (w, 3, 3) crosses a height within the window."""
     crossing = (walls[:, :, 2].min(axis=1) < height) & (walls[:, :, 2].max(axis=1) > height)
     for wall in walls[crossing]:
         ends = []
@@ -124,7 +129,7 @@ def _walls_cross(walls: Array, window: shapely.Polygon, height: float) -> bool:
 
 
 def _less_hidden(shapes: Shapes, planes: Array, tolerance: float) -> Shapes:
-    """What no other of the shapes hides of each."""
+    """Returns the part of each shape that no other shape hides."""
     i, j, overlap = _overlaps(shapes, tolerance)
     low, high = _heights(overlap, planes[j] - planes[i])
     hides = high > tolerance
@@ -142,7 +147,7 @@ def _less_hidden(shapes: Shapes, planes: Array, tolerance: float) -> Shapes:
 
 
 def _overlaps(shapes: Shapes, tolerance: float) -> tuple[Ints, Ints, Shapes]:
-    """Pairs of shapes that overlap, each in both orders, and where."""
+    """Returns pairs of overlapping shapes, each in both orders, and their intersections."""
     i, j = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     i, j = i[i != j], j[i != j]
     overlap = shapely.intersection(shapes[i], shapes[j])
@@ -151,7 +156,7 @@ def _overlaps(shapes: Shapes, tolerance: float) -> tuple[Ints, Ints, Shapes]:
 
 
 def _where_positive(shape: shapely.Polygon, plane: Array) -> shapely.Polygon:
-    """The part of a convex polygon where a x + b y + c > 0."""
+    """Returns the part of a convex polygon where a x + b y + c > 0."""
     corners = shapely.get_coordinates(shape)[:-1]
     value = dot(corners, plane[:2]) + plane[2]
     kept = []
@@ -165,7 +170,7 @@ def _where_positive(shape: shapely.Polygon, plane: Array) -> shapely.Polygon:
 
 
 def _has_step(shapes: Shapes, planes: Array, tolerance: float, least: float) -> bool:
-    """Whether two shapes of different height, by `least` [m], border on each other."""
+    """Returns whether two adjacent shapes differ in height by more than `least` [m]."""
     i, j = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=tolerance)
     i, j = i[i < j], j[i < j]
     border = shapely.intersection(shapely.buffer(shapes[i], tolerance), shapes[j])
@@ -173,6 +178,6 @@ def _has_step(shapes: Shapes, planes: Array, tolerance: float, least: float) -> 
     i, j = i[long], j[long]
     apart = planes[j] - planes[i]
     low, high = _heights(border[long], apart)
-    # Borders are as wide as the tolerance, on which steep planes rise.
+    # The border strips are as wide as the tolerance, over which steep planes rise.
     rise = 2 * tolerance * np.sqrt(dot(apart[:, :2], apart[:, :2]))
     return bool((np.maximum(-low, high) > least + rise).any())

@@ -7,7 +7,8 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.geometry.regions import Regions, nearest_points, shrunk
+from drake_polygrasp.geometry.polygons import shrunk
+from drake_polygrasp.geometry.regions import Regions, nearest_points
 from drake_polygrasp.search.effort import Effort
 
 POINTS_A_REGION = 2.5

@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.inradius import inradius
+from drake_polygrasp.geometry.polygons import shrunk
 from drake_polygrasp.geometry.polyhedron import Face, Polyhedron, surface_vertices, volume_centroid
-from drake_polygrasp.geometry.regions import erode, shrunk
+from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.shells import without_doubles
 from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from tests.support.convex_polyhedra import (
