@@ -10,6 +10,8 @@
 | swept_generators.py | forces that serve contacts all over their regions |
 | simplex_cycle.py | closed surfaces of simplices of wrenches: hulls, and what is made of them |
 | worst_placement.py | finds the placement in regions that withstands least |
+| region_proof.py | states proofs of bounds over regions as plain data |
+| exact_cycle.py | checks these proofs in exact arithmetic, with the standard library alone |
 | certify.py | proves grasps, and computes the certificates of those that are force closure |
 | robustness.py | bounds of epsilon, the tolerances and the squeeze force |
 | holding_forces.py | contact forces that hold the object against a load |

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import numpy as np
 import pytest
 
@@ -11,7 +14,7 @@ from drake_polygrasp.certification.robustness import epsilon_interval, squeeze_f
 from drake_polygrasp.vectors import unit
 from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
-from tests.support.common import random_contacts
+from tests.support.common import random_contacts, random_rotations
 
 ORIGIN = np.zeros(3)
 
@@ -28,9 +31,11 @@ def polygons(p, n, radius: float, num: int = 8):
 
 
 def grasps_that_hold():
+    """Those of random grasps that hold, the strongest first."""
     p, n, mu = random_contacts(300, seed=11, mu=(0.4, 1.0))
-    holds = force_closure(p, n, mu) & (epsilon_upper_bound(p, n, mu, ORIGIN, 1.0) > 0.05)
-    return [(p[k], n[k], mu[k]) for k in np.flatnonzero(holds)]
+    bound = epsilon_upper_bound(p, n, mu, ORIGIN, 1.0)
+    holds = force_closure(p, n, mu) & (bound > 0.05)
+    return [(p[k], n[k], mu[k]) for k in np.argsort(-bound) if holds[k]]
 
 
 def samples(found_for, count: int, seed: int, tilt: float, loss: float, com: float):
@@ -75,3 +80,111 @@ def test_the_bounds_bracket_the_worst_of_placements():
         sampled = least_sampled(regions, mu)
         # Of 400 placements, 200 are triples of corners, of which there are 512.
         assert found.epsilon_lower <= sampled and found.epsilon_upper <= 1.03 * sampled
+
+
+def test_larger_regions_and_errors_leave_less():
+    p, n, mu = grasps_that_hold()[0]
+    by_radius = [region_epsilon(polygons(p, n, r), mu, ORIGIN, 1.0) for r in (0, 0.02, 0.05, 0.1)]
+    regions = polygons(p, n, 0.02)
+    errors = [{}, {"tilt_error": 0.05}, {"tilt_error": 0.05, "friction_error": 0.1}]
+    errors.append({**errors[-1], "com_error": 0.1})
+    by_error = [region_epsilon(regions, mu, ORIGIN, 1.0, mass=1.0, **each) for each in errors]
+    for found in (by_radius, by_error):
+        for one, more in itertools.pairwise(found):
+            assert one.epsilon_lower > more.epsilon_lower > 0
+            assert one.epsilon_upper > more.epsilon_upper
+    squeezes = [found.squeeze_force for found in by_error]
+    assert squeezes == sorted(squeezes)
+
+
+def test_a_centre_of_mass_that_is_off_costs_no_more_than_the_shear():
+    # (f, tau) to (f, tau - d x f) has the least singular value sqrt(1 + s^2 / 4) - s / 2.
+    s = 0.1
+    for p, n, mu in grasps_that_hold()[:5]:
+        regions = polygons(p, n, 0.02)
+        known = region_epsilon(regions, mu, ORIGIN, 1.0)
+        off = region_epsilon(regions, mu, ORIGIN, 1.0, com_error=s)
+        assert off.epsilon_upper >= (math.sqrt(1 + s * s / 4) - s / 2) * known.epsilon_lower
+        assert off.epsilon_lower < known.epsilon_upper
+
+
+@pytest.mark.parametrize(
+    ("errors", "near"),
+    [
+        ({"tilt_error": 0.0, "friction_error": 0.0, "com_error": 0.0}, 0.97),
+        ({"tilt_error": 0.06, "friction_error": 0.15, "com_error": 0.05}, 0.85),
+    ],
+)
+def test_no_placement_withstands_less_than_the_lower_bound(errors, near):
+    size = 0.0
+    for seed, (p, n, mu) in enumerate(grasps_that_hold()[:8]):
+        for radius in (0.02, 0.06):
+            regions = polygons(p, n, radius)
+            found = region_epsilon(regions, mu, ORIGIN, 1.0, **errors)
+            sampled = least_sampled(regions, mu, 300, seed, *errors.values())
+            assert sampled >= found.epsilon_lower
+            size = max(size, found.epsilon_lower / sampled)
+    assert size > near
+
+
+def test_the_squeeze_force_holds_the_weight_wherever_contacts_are():
+    errors = {"tilt_error": 0.05, "friction_error": 0.1, "com_error": 0.05}
+    for seed, (p, n, mu) in enumerate(grasps_that_hold()[:4]):
+        regions = polygons(p, n, 0.02)
+        squeeze = region_epsilon(regions, mu, ORIGIN, 1.0, mass=1.0, **errors).squeeze_force
+        # With torques divided by next to nothing, epsilon is the least force withstood.
+        r_w = least_sampled(regions, mu, 200, seed, *errors.values(), rho=1e-6)
+        if squeeze is not None:
+            assert 0.75 * squeeze < 9.81 / r_w <= squeeze
+
+
+def test_contacts_that_may_lose_the_grasp_have_no_bound():
+    p, n, mu = grasps_that_hold()[0]
+    far = region_epsilon(polygons(p, n, 0.8), mu, ORIGIN, 1.0, mass=1.0)
+    steep = region_epsilon(polygons(p, n, 0.01), mu, ORIGIN, 1.0, mass=1.0, tilt_error=1.0)
+    for found in (far, steep):
+        assert (found.epsilon_lower, found.squeeze_force) == (0.0, None)
+        assert found.proof.epsilon is None and found.proof.weight is None
+    assert far.epsilon_upper == 0.0
+
+
+def leaning_pieces(p, n, radius: float, lean: float, spread: float):
+    """Three pieces about each contact, with normals that lean apart, curved by a spread."""
+    regions = []
+    for (piece,), nhat in zip(polygons(p, n, radius, 6), n, strict=True):
+        regions.append(
+            [
+                DiscPolygon(piece.p_BV[[k, k + 1, (k + 2) % 6]], unit(nhat + lean * side), spread)
+                for k in (0, 2, 4)
+                for side in [unit(piece.p_BV[k] - p[n.tolist().index(nhat.tolist())])]
+            ]
+        )
+    return regions
+
+
+def test_regions_of_several_pieces_and_curved_ones_are_bounded():
+    for seed, (p, n, mu) in enumerate(grasps_that_hold()[:3]):
+        flat = region_epsilon(leaning_pieces(p, n, 0.03, 0.0, 0.0), mu, ORIGIN, 1.0)
+        regions = leaning_pieces(p, n, 0.03, 0.05, 0.0)
+        found = region_epsilon(regions, mu, ORIGIN, 1.0)
+        sampled = least_sampled(regions, mu, 400, seed)
+        assert 0.9 * sampled < found.epsilon_lower <= sampled
+        # A normal that leans by 0.05 within a piece is one that tilts by 0.05.
+        curved = region_epsilon(leaning_pieces(p, n, 0.03, 0.0, math.tan(0.05)), mu, ORIGIN, 1.0)
+        tilted = region_epsilon(
+            leaning_pieces(p, n, 0.03, 0.0, 0.0), mu, ORIGIN, 1.0, tilt_error=0.05
+        )
+        assert curved.epsilon_lower == pytest.approx(tilted.epsilon_lower, rel=0.03)
+        assert curved.epsilon_lower < flat.epsilon_lower
+
+
+def test_the_frame_and_the_order_of_contacts_do_not_matter():
+    p, n, mu = grasps_that_hold()[1]
+    regions = polygons(p, n, 0.03)
+    first = region_epsilon(regions, mu, ORIGIN, 1.0)
+    shift = np.array([0.3, -2.0, 1.0])
+    for R in random_rotations(4, np.random.default_rng(2)):
+        order = [2, 0, 1]
+        turned = [[DiscPolygon(regions[i][0].p_BV @ R.T + shift, n[i] @ R.T)] for i in order]
+        found = region_epsilon(turned, mu[order], shift, 1.0)
+        assert found.epsilon_lower == pytest.approx(first.epsilon_lower, rel=0.02)
