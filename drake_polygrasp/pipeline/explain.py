@@ -21,17 +21,18 @@ from drake_polygrasp.settings import Method, PlanOptions
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What became of every set of faces.
+    """How every set of two or three faces ended: with a proved grasp, or with a reason.
 
     Attributes:
-        faces: faces of each set, ascending; -1 for a pair's third, shape (M, 3).
-        reasons: one of reasons.REASONS each, never "not_evaluated".
-        counts: how many sets ended with each reason.
-        mu_needed: the friction above which some set would pass orientation; None where a grasp
-            is certified.
-        excluded_faces: faces whose every set is excluded, ascending.
-        tip_radius: of the fingertips planned for [m].
-        edge_clearance: least distance of contacts from edges that was asked for [m], or None.
+        faces: indices of the faces of each set, ascending, shape (M, 3); the third of a pair is -1.
+        reasons: how each set ended: "certified", or the step that rejected it, such as
+            "orientation", "rl_empty" or "tip_blocked". `docs/paper.md` explains them all.
+        counts: number of sets by reason.
+        mu_needed: friction coefficient above which the normals of some set can oppose each other;
+            None if a grasp is certified.
+        excluded_faces: indices of faces of which every set is excluded, ascending.
+        tip_radius: radius of the fingertips that had to fit [m].
+        edge_clearance: least distance of contacts from edges, if it was given [m].
     """
 
     faces: Ints
@@ -53,10 +54,31 @@ def explain_sets(
     exclude_faces: Iterable[int] = (),
     obstacles: Obstacles | None = None,
 ) -> Explanation:
-    """Follows every set of faces through the paper's stages; arguments as of `plan_grasps`.
+    """Evaluates every set of faces and says how it ended, by the steps of the paper.
 
-    Sets that only the search beyond the paper finds a grasp for are certified too: all that
-    `plan_grasps` certifies, however many grasps it is asked for.
+    A set is certified if either the paper's steps or, with "enriched", the search beyond them finds
+    a grasp that is proved: these are all sets that `plan_grasps` can certify.
+
+        explanation = explain_sets(box, method="paper")
+        print(explanation.counts)
+
+    Args:
+        object_: object to grasp, with the friction of its faces.
+        method: "paper" follows the text alone, "enriched" also what `plan_grasps` does beyond it.
+        edge_clearance: least distance of contacts from the edges of their faces [m] (default: 0.01
+            of the object's diameter or a fifth of the face's inradius, whichever is less).
+        tip_radius: radius of the spherical fingertips that must fit [m] (default: 0.02 of the
+            diameter; 0: points).
+        avoid_directions: vectors in B, shape (3,) each; no contact has an outward normal within 45
+            degrees of one.
+        exclude_faces: indices of faces without contacts.
+        obstacles: solids beside the object that fingertips must not penetrate.
+
+    Returns:
+        The sets of faces with their reasons.
+
+    Raises:
+        UsageError: when an argument has the wrong type or value.
     """
     options = PlanOptions(
         method=method,

@@ -28,15 +28,17 @@ class GraspPlan:
     """Certified grasps of an object, best first, and what became of all its sets of faces.
 
     Attributes:
-        grasps: certified grasps, best first, one for each set of faces.
-        num_sets: sets of three and of two regions.
-        reasons: how many sets ended with each reason; they add up to num_sets.
-        seconds: plan: until enough grasps are proved; certify: ranking, bounds of epsilon and
-            tolerances.
-        settings: what repeats the plan, for the grasp file.
-        mu_needed: without a certified grasp: the friction above which some set would pass
-            orientation.
-        excluded_faces: faces whose every set is excluded, ascending.
+        grasps: certified grasps, best first, at most one for each set of faces.
+        num_sets: number of all sets of three and of two regions. A region is what the edge
+            clearance leaves of a face.
+        reasons: number of sets by how they ended: "certified", the step that rejected them, or
+            "not_evaluated"; the numbers add up to `num_sets`.
+        seconds: time taken [s]: "plan" until enough grasps are proved, "certify" for ranking,
+            bounds of epsilon and tolerances.
+        settings: settings that repeat the plan, for `save_grasps`.
+        mu_needed: friction coefficient above which the normals of some set can oppose each other;
+            None if there are grasps.
+        excluded_faces: indices of faces of which every set is excluded, ascending.
     """
 
     grasps: tuple[CertifiedGrasp, ...]
@@ -49,21 +51,25 @@ class GraspPlan:
 
     @property
     def num_certified(self) -> int:
-        """Sets on which a grasp was proved so far.
+        """Number of sets of faces on which a grasp was proved.
 
-        Planning ends when enough grasps are proved, so more sets may have one, unless all were
-        evaluated: effort "complete" does, and then the number does not depend on `top`.
+        Planning ends when enough grasps are proved, so more sets may have one. Effort "complete"
+        evaluates all sets, and then the number does not depend on `top`.
         """
         return self.reasons.get("certified", 0)
 
     @property
     def num_not_evaluated(self) -> int:
-        """Sets of which nothing is known: they were not looked at, or not to the end."""
+        """Number of sets of faces that were not evaluated, or not completely."""
         return self.reasons.get("not_evaluated", 0)
 
     @property
     def outcome(self) -> PlanOutcome:
-        """Whether there are grasps, and if not, whether every set of faces was evaluated."""
+        """How planning ended.
+
+        "grasps"; "none_found" if there are none, but some sets were not evaluated; or
+        "no_certified_grasp" if there is none on any set.
+        """
         if self.grasps:
             return "grasps"
         return "none_found" if self.num_not_evaluated else "no_certified_grasp"
@@ -83,36 +89,44 @@ def plan_grasps(
     steps: Steps | None = None,
     effort: EffortName = "full",
 ) -> GraspPlan:
-    """Plans grasps of an object and proves every one that it returns.
+    """Plans grasps of an object and proves each one that it returns.
+
+        plan = plan_grasps(box, top=3, avoid_directions=[(0, 0, -1)])
+        for certified in plan.grasps:
+            print(certified.grasp.p_BC, certified.certificate.epsilon_lower)
+
+    Lengths below in L are fractions of the object's diameter.
 
     Args:
-        object_: what to grasp; friction is that of its faces.
+        object_: object to grasp, with the friction of its faces.
         method: "paper" constructs one grasp for each set of faces as the text says; "enriched"
             also tries variants of it and, ranking by epsilon, other contacts on the same faces.
-        top: how many grasps to return at most, one for each set of faces; of a face that the
-            clearance cuts in two, each part counts as one.
-        rank: what puts one grasp before another (default: "epsilon"; "Q" for the paper).
-        edge_clearance: least distance of a contact from its face's edges [m] (default: 0.01 L or
-            a fifth of the face's inradius, whichever is less).
-        tip_radius: fingertips of this radius [m] must fit (default: 0.02 L; 0: points).
-        avoid_directions: vectors in B, shape (3,) each; no contact is where the outward normal is
-            within 45 degrees of one: (0, 0, -1) avoids the underside of what stands on a table.
-        exclude_faces: indices of faces that have no contact. Patches of a curved surface overlap;
-            there, directions are the surer way.
-        obstacles: what fingertips must not penetrate beside the object; see
+        top: greatest number of grasps to return, one for each set of faces. If the clearance cuts a
+            face in two, each part counts as a face.
+        rank: order of the grasps: "epsilon", "margin" or the paper's "Q" (default: "epsilon"; "Q"
+            for the paper).
+        edge_clearance: least distance of contacts from the edges of their faces [m] (default: 0.01
+            L or a fifth of the face's inradius, whichever is less).
+        tip_radius: radius of the spherical fingertips that must fit [m] (default: 0.02 L; 0:
+            points).
+        avoid_directions: vectors in B, shape (3,) each; no contact has an outward normal within 45
+            degrees of one. (0, 0, -1) avoids the underside of an object on a table.
+        exclude_faces: indices of faces without contacts. Patches of a curved surface overlap, so
+            there it is safer to avoid directions.
+        obstacles: solids beside the object that fingertips must not penetrate; see
             `obstacles_from_plant`.
-        steps: what "enriched" does beyond the paper (default: all).
-        effort: how long to search. "full" goes on where it finds fewer grasps than `top`: with
-            denser points, then with sets of faces that it left out, up to 32,000 of them, or
-            300,000 where it finds none. "quick" searches a few points, without the paper's stages,
-            so that grasps have no Q; where it finds none, "full" follows. It is for "enriched",
-            ranked by epsilon. "complete" evaluates every set of faces, however long that takes.
+        steps: which steps beyond the paper "enriched" takes, a `settings.Steps` (default: all).
+        effort: "full" searches longer if it finds fewer grasps than `top`: denser points, then sets
+            of faces that it left out, up to 32,000 of them, or 300,000 while it has no grasp.
+            "quick" searches few points without the paper's stages, so its grasps have no Q; if it
+            finds none, "full" follows. It is for "enriched" ranked by epsilon. "complete" evaluates
+            every set of faces, however long that takes.
 
     Returns:
-        The plan. Where it has no grasps, `outcome` says whether all sets of faces were evaluated.
+        The plan. If it has no grasps, `outcome` says whether all sets of faces were evaluated.
 
     Raises:
-        UsageError: when a parameter is not what it may be.
+        UsageError: when an argument has the wrong type or value, or does not go with another.
     """
     start = perf_counter()
     keep_freed_memory()

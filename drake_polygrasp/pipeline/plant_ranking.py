@@ -1,4 +1,4 @@
-"""Ranks a plan's grasps by what a plant says of them: what fails goes behind what holds."""
+"""Ranks the grasps of a plan by their verdicts in a plant: those that fail come last."""
 
 from __future__ import annotations
 
@@ -29,28 +29,29 @@ def rank_in_plant(
     surroundings: Surroundings | None = None,
     progress: Progress | None = None,
 ) -> GraspPlan:
-    """Certifies a plan's grasps in plants, best first, until enough of them hold.
+    """Checks the grasps of a plan in Drake plants, best first, until enough of them hold.
 
         plan = plan_grasps(bracket, top=20)
         plan = rank_in_plant(bracket, plan, top=10)
 
     Args:
-        object_: what the plan is for, loaded from a file.
-        plan: from `plan_grasps`: its grasps are asked about in their order.
-        top: how many grasps that hold are enough (default: all of the plan's are asked about). So
-            many are, too, where all are undecided for one reason, such as a model without a mass.
+        object_: object of the plan, loaded from a file.
+        plan: plan of `plan_grasps`, whose grasps are checked in their order.
+        top: number of grasps that hold after which checking ends (default: all are checked). It
+            also ends after as many that are all undecided for one reason, such as a model without
+            a mass.
         package_paths: folders searched for the packages of package:// URIs.
         packages: folders of packages by name.
-        surroundings: other bodies of the user's scene, as of `certify_in_plant`.
-        progress: called with how many grasps were asked about, and how many there are.
+        surroundings: other bodies of the user's scene, which no fingertip may penetrate; see
+            `surroundings_from_plant`.
+        progress: called with the number of grasps that are checked and the number of all.
 
     Returns:
-        The plan with those grasps that were asked about, each with its verdicts as `plant`: first
-        those that hold, then those that are undecided, then those that fail, and within each in
-        the plan's order.
+        The plan with the checked grasps, whose `plant` has their verdicts: first those that hold,
+        then those that are undecided, then those that fail, each in the plan's order.
 
     Raises:
-        UsageError: when an argument is not what it may be.
+        UsageError: when an argument has the wrong type or value.
         ModelError: when the object came from no file, or the file cannot be read again.
     """
     check_instance("object_", object_, GraspObject, "as load_object returns it")

@@ -64,12 +64,18 @@ PADS = "on flat pads at the contacts"
 
 @dataclass(frozen=True, eq=False)
 class PlantReport(PlantRecord):
-    """What a plant says of a grasp, with the simulation that it was judged by.
+    """The verdicts of `certify_in_plant` on a grasp, with the simulation behind them.
+
+        report = certify_in_plant(bracket, plan.grasps[0])
+        print(report.verdict, {check.name: str(check.verdict) for check in report.verdicts})
+
+    `verdicts` has a `PlantVerdict` for each check; `verdict` and `holds` sum them up.
 
     Attributes:
-        equilibria: of the weight along +x, +y, +z, -x, -y, -z of B.
-        trace: the simulation, sample by sample; None where there was none.
-        loads: what the trace's loads are.
+        equilibria: how the weight along +x, +y, +z, -x, -y, -z of B is held; empty if statics were
+            not computed.
+        trace: the simulation, sample by sample; None if it was not run.
+        loads: names of the simulated loads, in their order.
     """
 
     equilibria: tuple[statics.Equilibrium, ...] = ()
@@ -88,28 +94,35 @@ def certify_in_plant(
     surroundings: Surroundings | None = None,
     meshcat: Meshcat | None = None,
 ) -> PlantReport:
-    """Checks a grasp by mathematics, and in scratch plants with the object's own model.
+    """Checks a grasp by its certificate, and in a `MultibodyPlant` with the object's own model.
+
+    The five checks: the internal force in exact arithmetic; the best internal force that a solver
+    finds; contacts and fingertips by SceneGraph's signed distance; the weight along each axis of B
+    by Drake's statics; and a simulation of force-controlled fingertips under the weight and
+    disturbances.
 
         report = certify_in_plant(bracket, plan.grasps[0])
-        kept = dataclasses.replace(plan.grasps[0], plant=report)  # what save_grasps then writes
+        kept = dataclasses.replace(plan.grasps[0], plant=report)  # save_grasps writes it too
 
     Args:
-        object_: what is grasped, loaded from a file.
-        grasp: three contacts; one of a plan or of a file brings its proof and fingertips.
-        internal_force: the proof x_12, x_13, x_23 [1/m], shape (3,) (default: the grasp's own;
-            found here where it has none).
-        tip_radius: of spherical fingertips [m]; 0 for points, which small probes stand for
-            (default: those that the grasp was planned for).
+        object_: object that is grasped, loaded from a file.
+        grasp: three contacts; a grasp of a plan or of a file has its proof and tip radius.
+        internal_force: the proof x_12, x_13, x_23 [1/m], shape (3,) (default: the grasp's, if any).
+        tip_radius: radius of the spherical fingertips [m]; 0 for points, which small spheres stand
+            for (default: the radius for which the grasp was planned).
         package_paths: folders searched for the packages of package:// URIs.
         packages: folders of packages by name.
         surroundings: other bodies of the user's scene, which no fingertip may penetrate; see
-            `surroundings_from_plant`. They are part of the geometry alone: simulation turns gravity
-            about the object, and a table would bear what the grasp should.
-        meshcat: the caller's own, where a recording of the simulation is published.
+            `surroundings_from_plant`. Only the geometry check uses them: the simulation turns
+            gravity about the object, and a table would hold what the grasp should.
+        meshcat: Meshcat in which a recording of the simulation is published (default: none).
+
+    Returns:
+        The verdicts, each with its margin and reason.
 
     Raises:
-        UsageError: when nothing says how large the fingertips are, the grasp is none, or the
-            surroundings are another body's.
+        UsageError: when the tip radius is unknown, an argument has the wrong type or value, or the
+            surroundings are those of another body.
         ModelError: when the object came from no file, or the file cannot be read again.
     """
     check_instance("object_", object_, GraspObject, "as load_object returns it")

@@ -1,4 +1,4 @@
-"""A grasp as a system of a Drake diagram."""
+"""Defines a grasp as a system of a Drake diagram."""
 
 from __future__ import annotations
 
@@ -24,24 +24,30 @@ from drake_polygrasp.errors import UsageError
 from drake_polygrasp.grasp import AnyGrasp, GraspObject, Verdict, grasp_of
 
 LOAD_PORT = "F_BBcm_W"
-"""The input port of the load."""
+"""Name of the input port of the load."""
 
 
 class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not followed.
-    """Ideal fingertips: holds an object against a measured load with forces at three contacts.
+    """Ideal fingertips as a system: holds an object against a load with forces at three contacts.
 
-    Of all contact forces inside the friction cones that cancel the load, with normal parts that add
-    up to the squeeze, those farthest inside.
+    Of all contact forces inside the friction cones that balance the load and whose normal parts add
+    up to the squeeze, it applies those farthest inside the cones.
+
+        forces = builder.AddSystem(GraspForces(mug, plan.grasps[0], 20.0, body))
+        builder.Connect(plant.get_body_poses_output_port(), forces.GetInputPort("body_poses"))
+        builder.Connect(
+            forces.GetOutputPort("applied_spatial_force"),
+            plant.get_applied_spatial_force_input_port(),
+        )
 
     Input ports:
         - body_poses: the plant's output port of that name.
         - F_BBcm_W: the load, a `SpatialForce` on body B at its centre of mass, expressed in W:
-          torque [N m] and force [N]; the weight is part of it. Not connected, it is zero. It is an
-          abstract value, so that torque and force cannot be taken for each other.
+          torque [N m] and force [N], the weight included. It is zero if the port is not connected.
 
     Output ports:
         - applied_spatial_force: for the plant's input port of that name.
-        - holds: 1, or 0 where no contact forces cancel the load; then the squeeze alone is applied.
+        - holds: 1, or 0 if no contact forces balance the load; then only the squeeze is applied.
     """
 
     def __init__(
@@ -54,13 +60,14 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
         """Makes the system.
 
         Args:
-            object_: what is grasped.
-            grasp: three contacts, force closure.
-            squeeze: total normal force [N].
-            body: the object's body in the plant, or its index.
+            object_: object that is grasped.
+            grasp: three contacts in force closure, alone or with their certificate.
+            squeeze: total normal force [N], above 0.
+            body: body B of the object in the plant, or its index.
 
         Raises:
-            UsageError: when the squeeze is not positive, or the grasp is not force closure.
+            UsageError: when an argument has the wrong type, the squeeze is not above 0, or the
+                grasp is not force closure.
         """
         super().__init__()
         check_instance("object_", object_, GraspObject, "as load_object returns it")
@@ -96,10 +103,13 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
         self.DeclareVectorOutputPort("holds", 1, self._calc_holds)
 
     def GetInputPort(self, port_name: str) -> InputPort:
-        """Returns the input port of a name.
+        """Returns an input port.
+
+        Args:
+            port_name: "body_poses" or "F_BBcm_W".
 
         Raises:
-            UsageError: when there is none.
+            UsageError: when there is no such port.
         """
         if port_name == "load_W":
             raise UsageError(
