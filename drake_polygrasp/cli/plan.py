@@ -44,7 +44,8 @@ def add_plan(commands: Any) -> None:
     parser.add_argument(
         "--rank",
         choices=("epsilon", "margin", "Q"),
-        help="value that grasps are ranked by, best first (default: epsilon; Q for --method paper)",
+        help="rank grasps by Ferrari and Canny's epsilon, the margin of the proof or the paper's "
+        "quality Q (default: epsilon; Q for --method paper)",
     )
     parser.add_argument(
         "--effort",

@@ -20,7 +20,10 @@ def add_verify(commands: Any) -> None:
         commands: the subparsers of `polygrasp`.
     """
     parser = add_command(
-        commands, "verify", "Check everything that a grasp file states; the file is not changed."
+        commands,
+        "verify",
+        "Check a grasp file without changing it: prove its FORCES, compare its SURFACE with the "
+        "model, recompute its NUMBERS.",
     )
     parser.add_argument("file", metavar="FILE", type=Path, help="a grasp file")
     parser.add_argument(

@@ -84,7 +84,7 @@ def _read_scale(block: Block) -> float | None:
         return None
     scale = block.number("scale", "positive")
     if not block.text("model_file").lower().endswith(".obj"):
-        raise block.refuse("scale", "left out, as it must be for models other than .obj")
+        raise block.refuse("scale", "left out: only .obj models have one")
     return scale
 
 

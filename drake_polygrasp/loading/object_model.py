@@ -35,7 +35,7 @@ from drake_polygrasp.loading.packages import is_uri
 from drake_polygrasp.loading.parsed_model import ParsedModel, choose_body, parse_files
 from drake_polygrasp.loading.rigid_group import Collider, bodies_beside, rigid_bodies
 from drake_polygrasp.loading.scale import check_scale
-from drake_polygrasp.loading.shapes import is_hull, mended
+from drake_polygrasp.loading.shapes import is_hull, repaired
 
 
 @dataclass(frozen=True)
@@ -215,11 +215,11 @@ def load_solid(
     group = parsed.group
     covering = () if source.joints_free else group.covers(parsed.plant, inspector)
     parts = [
-        (mended(inspector.GetShape(geometry)), X_BG)
+        (repaired(inspector.GetShape(geometry)), X_BG)
         for geometry, X_BG, _ in group.colliders(parsed.plant, inspector)
     ]
     covers = [
-        (group.name_of(link), mended(inspector.GetShape(geometry)), X_BG)
+        (group.name_of(link), repaired(inspector.GetShape(geometry)), X_BG)
         for geometry, X_BG, link in covering
     ]
     shapes = [shape for shape, _ in parts] + [shape for _, shape, _ in covers]

@@ -44,7 +44,7 @@ def part_of(shape: Shape, X_BG: RigidTransform, mu: float) -> Part | None:
     return None
 
 
-def mended(shape: Shape) -> Shape:
+def repaired(shape: Shape) -> Shape:
     """Returns a copy of a shape for our own plants, with a Mesh that Drake would misread repaired.
 
     Args:

@@ -37,7 +37,7 @@ from drake_polygrasp.loading.plant_obstacles import (
     other_geometries,
 )
 from drake_polygrasp.loading.rigid_group import find_group
-from drake_polygrasp.loading.shapes import mended
+from drake_polygrasp.loading.shapes import repaired
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def surroundings_from_plant(
         if inspector.IsDeformableGeometry(geometry):
             raise ModelError(f"obstacle '{name}' is deformable; put its geometry into `ignore`")
         with drake_errors_as_model_errors(f"obstacle '{name}'"):
-            shape = mended(inspector.GetShape(geometry))
+            shape = repaired(inspector.GetShape(geometry))
         parts.append((name, shape, X_BW @ query.GetPoseInWorld(geometry)))
     return Surroundings(tuple(parts), live_identity(inspector, colliders, body))
 
