@@ -96,12 +96,12 @@ def placement_region(
     lowest = float(times(corners - p_BC, R_BC[:, 2]).min())
     for solid in (*polyhedron.primitives, *polyhedron.covering):
         if solid is not on.primitive and _is_in_the_way(solid, around, lowest, L):
-            return PlacementRegion((), "a curved part may be where the fingertip lands")
+            return PlacementRegion((), "the fingertip may touch another, curved part first")
     if (
         len(polyhedron.covers_B)
         and _is_over(around.seen(polyhedron.covers_B), around, lowest).any()
     ):
-        return PlacementRegion((), "another body may be where the fingertip lands")
+        return PlacementRegion((), "the fingertip may touch another body first")
     return region
 
 
@@ -165,7 +165,7 @@ def _on_solid(polyhedron: Polyhedron, solid: Primitive, around: _Around) -> Plac
     hidden = (solid.distance(corners) <= around.tolerance).reshape(-1, 3).all(axis=1)
     lowest = min(float(around.seen(piece.p_BV)[:, 2].min()) for piece in pieces)
     if _is_over(around.seen(others[~hidden]), around, lowest).any():
-        return PlacementRegion((), "another part may be where the fingertip lands")
+        return PlacementRegion((), "the fingertip may touch another part first")
     return PlacementRegion(pieces)
 
 
@@ -176,7 +176,7 @@ def _on_facets(polyhedron: Polyhedron, around: _Around) -> PlacementRegion:
         triangles = triangles[~_stand_for(solid, triangles, around.tolerance)]
     seen = visible_facets(around.seen(triangles), around.window, polyhedron.diameter)
     for fails, reason in (
-        (seen.is_blocked, "a wall of the body rises where the fingertip comes from"),
+        (seen.is_blocked, "a wall of the body is in the fingertip's path"),
         (seen.hole < around.radius - around.tolerance, "the fingertip may miss the body"),
         (seen.has_step, "the surface has a step where the fingertip may land"),
     ):

@@ -18,8 +18,8 @@ from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import circle, dot, times
 
 _SIDES = 18
-"""Our choice: facets over 20 degrees lean from the surface by at most 10, less than most friction
-angles."""
+"""Our choice: facets span 20 degrees and lean from the surface by at most 10, less than most
+friction angles."""
 _ROUNDING = 1e-9
 """Relative tolerance, our choice: above rounding errors of coordinates."""
 _ROUNDS = 200

@@ -131,7 +131,7 @@ def build_polyhedron(
         triangle_face[members[triangle_face[members] < 0]] = len(faces)
         faces.append(_patch_face(patch))
     if not faces:
-        by = "encloses no volume" if mesh.own.all() else "is all beneath links on its joints"
+        by = "encloses no volume" if mesh.own.all() else "is wholly covered by links on its joints"
         raise ModelError(f"the collision geometry {by}")
     rank = _order(faces, L)
     position = np.append(np.argsort(rank), -1)

@@ -39,8 +39,8 @@ def epsilon_upper_bound(
 ) -> Array:
     """Returns an upper bound of each grasp's epsilon, close enough to rank and to prune by.
 
-    The bound is the least h(w) / |w| over the facet twists. But for the finite number of angles it
-    is epsilon itself where the facet of W nearest to the origin contains a friction disc.
+    The bound is the least h(w) / |w| over the facet twists. Where the facet of W nearest to the
+    origin contains a friction disc, the bound tends to epsilon as the number of angles grows.
 
     Args:
         p_BC: contact points [m], shape (M, 3, 3).

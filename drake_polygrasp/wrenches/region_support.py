@@ -16,8 +16,8 @@ from drake_polygrasp.vectors import cross, dot, unit
 from drake_polygrasp.wrenches.facet_twists import TINY
 
 _TILTED_ROUNDS = 2
-"""Our choice: points and normals are minimised over in turn; the second round lowers h by a factor
-of at most 1e-4."""
+"""Our choice: points and normals are minimised over in turn; a second round lowers h by at most
+1e-4 h."""
 
 
 def least_support(w: Array, r_V: Array, nhat: Array, mu: Array) -> tuple[Array, Array]:

@@ -324,7 +324,7 @@ def test_beside_steps_and_walls_there_is_no_region() -> None:
     high, low = np.array([0.02, 0.04, 0.025]), np.array([0.02, 0.0225, 0.025])
     assert len(placement_region(channel, high, side, wall, 0.003).pieces) == 1
     region = placement_region(channel, low, side, wall, 0.003)
-    assert region.reason == "a wall of the body rises where the fingertip comes from"
+    assert region.reason == "a wall of the body is in the fingertip's path"
 
 
 def test_a_ledge_over_a_face_is_where_the_fingertip_lands() -> None:
