@@ -1,8 +1,8 @@
-"""Closed surfaces of 5-simplices in the space of wrenches: hulls, and what is made of them.
+"""Builds closed surfaces of 5-simplices in the space of wrenches, such as hulls.
 
-A surface is a list of simplices, rows of six ascending indices of points. It is closed where every
-five points are in an even number of them: a cycle modulo 2, which has no boundary wherever its
-points move. A row of five is called a ridge.
+A surface is a list of simplices, rows of six ascending indices of points. Five of them are a ridge.
+A surface is closed if every ridge is in an even number of its simplices: a cycle modulo 2, which
+has no boundary wherever its points move.
 """
 
 from __future__ import annotations
@@ -15,29 +15,33 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints
 
 MOST_POINTS = 512
-"""Our choice: what nine bits of a key tell apart."""
+"""Our choice: most points, so that an index has nine bits in a key."""
 _FIVES = np.array(list(itertools.combinations(range(6), 5)))
 _POWERS = MOST_POINTS ** np.arange(6)
 _RAYS = 8
-"""Our choice: how many rays are tried."""
+"""Our choice: most rays that are tried."""
 _FLAT = 1e12
-"""Our choice: what solutions are less than where points and origin are in no hyperplane."""
+"""Our choice: solutions are greater only if points and origin are in one hyperplane."""
 _CLEAR = 1e-6
-"""Our choice, relative: how far from the rim of a simplex a ray must pass to be judged."""
+"""Our choice: least relative distance of a ray from the rims of simplices."""
 _VISIBLE = 1e-10
-"""Our choice: how far beyond a facet a point must be to count as outside."""
+"""Our choice: relative height above a facet from which a point counts as outside."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """A convex hull with simplices for facets."""
+    """A convex hull whose facets are simplices.
+
+    Attributes:
+        inside: a point inside, shape (6,).
+        simplices: the facets, rows of six ascending indices of points, shape (J, 6).
+        normals: vectors w such that w.(x - inside) <= 1 for all points x of the hull, with equality
+            on the facet, shape (J, 6).
+    """
 
     inside: Array
-    """A point inside, shape (6,)."""
     simplices: Ints
-    """Shape (J, 6)."""
     normals: Array
-    """w.(x - inside) <= 1 is what each facet bounds, shape (J, 6)."""
 
     def twists(self) -> tuple[Array, Array]:
         """Returns facets as unit normals, shape (J, 6), and distances from the origin, (J,)."""
@@ -47,7 +51,14 @@ class Hull:
 
 
 def first_hull(points: Array) -> tuple[Hull, Ints] | None:
-    """Returns a simplex of seven of the points, and their indices; None where points are flat."""
+    """Returns the hull of seven points that span the space, and their indices.
+
+    Args:
+        points: wrenches, shape (G, 6).
+
+    Returns:
+        The hull and the ascending indices, shape (7,); None if the points lie in a hyperplane.
+    """
     chosen = [int((points * points).sum(axis=1).argmax())]
     rest = points - points[chosen[0]]
     scale = (rest * rest).sum(axis=1).max()
@@ -68,16 +79,24 @@ def first_hull(points: Array) -> tuple[Hull, Ints] | None:
 
 
 def with_point(hull: Hull, points: Array, new: int) -> Hull:
-    """Returns the hull of one more point: what sees it gives way to its cone.
+    """Adds a point to a hull: facets that see it are replaced by the cone from it.
 
-    The plane of a new facet is that combination of the two planes at its ridge that holds the
-    point, so that nothing is solved.
+    The plane of a new facet is the combination of the two planes at its ridge that contains the
+    point, so no equations are solved.
+
+    Args:
+        hull: hull of some of the points.
+        points: wrenches, shape (G, 6).
+        new: index of the point to add.
+
+    Returns:
+        The hull with the point.
     """
     height = (hull.normals * (points[new] - hull.inside)).sum(axis=1)
     visible = height > 1.0 + _VISIBLE
     if not visible.any():
         return hull
-    keys, rows = ridge_keys(hull.simplices), np.repeat(np.arange(len(visible)), 6)
+    keys, rows = _ridge_keys(hull.simplices), np.repeat(np.arange(len(visible)), 6)
     flat, seen = keys.ravel(), visible[rows]
     seen_keys, seen_at = flat[seen], np.flatnonzero(seen)
     hidden_at = np.flatnonzero(~seen)
@@ -96,32 +115,64 @@ def with_point(hull: Hull, points: Array, new: int) -> Hull:
     )
 
 
-def ridge_keys(simplices: Ints) -> Ints:
-    """Returns a number for each of a simplex's six ridges, shape (J, 6)."""
+def _ridge_keys(simplices: Ints) -> Ints:
+    """Returns a number that identifies each of a simplex's six ridges, shape (J, 6)."""
     return np.asarray((simplices[:, _FIVES] * _POWERS[:5]).sum(axis=-1))
 
 
 def simplex_keys(simplices: Ints) -> Ints:
-    """Returns a number for each simplex, shape (J,)."""
+    """Returns a number that identifies each simplex.
+
+    Args:
+        simplices: rows of six ascending indices of points, shape (J, 6).
+
+    Returns:
+        The numbers, shape (J,).
+    """
     return np.asarray((simplices * _POWERS).sum(axis=-1))
 
 
 def boundary(simplices: Ints) -> tuple[Ints, Ints]:
-    """Returns the ridges in an odd number of simplices, (R, 5), and one such simplex of each."""
-    _, first, counts = np.unique(ridge_keys(simplices), return_index=True, return_counts=True)
+    """Returns the boundary of a surface: the ridges in an odd number of its simplices.
+
+    Args:
+        simplices: rows of six ascending indices of points, shape (J, 6).
+
+    Returns:
+        The ridges, shape (R, 5), and the index of one simplex with each, shape (R,).
+    """
+    _, first, counts = np.unique(_ridge_keys(simplices), return_index=True, return_counts=True)
     odd = first[counts % 2 == 1]
     return simplices[:, _FIVES].reshape(-1, 5)[odd], odd // 6
 
 
 def coned(ridges: Ints, apex: int) -> Ints:
-    """Returns the simplices of ridges and one more point, those that have it left out."""
+    """Returns the simplices of ridges and one more point.
+
+    Args:
+        ridges: rows of five ascending indices of points, shape (R, 5); those with `apex` are left
+            out.
+        apex: index of the point.
+
+    Returns:
+        The simplices, shape (J, 6).
+    """
     ridges = ridges[(ridges != apex).all(axis=1)]
     return np.sort(np.column_stack([ridges, np.full(len(ridges), apex)]), axis=1)
 
 
 def connected(simplices: Ints, among: Bools, start: int) -> Bools:
-    """Returns those of some simplices that ridges connect with one of them, shape (J,)."""
-    keys = ridge_keys(simplices)
+    """Finds the simplices that are connected with one of them through common ridges.
+
+    Args:
+        simplices: rows of six ascending indices of points, shape (J, 6).
+        among: simplices that count, shape (J,).
+        start: index of the simplex to start at.
+
+    Returns:
+        Whether each simplex is connected with it, shape (J,).
+    """
+    keys = _ridge_keys(simplices)
     reached = np.zeros(len(simplices), dtype=bool)
     reached[start] = True
     front = keys[start]
@@ -133,29 +184,33 @@ def connected(simplices: Ints, among: Bools, start: int) -> Bools:
 
 
 def is_closed(simplices: Ints) -> bool:
-    """Whether every ridge is in an even number of simplices."""
-    _, counts = np.unique(ridge_keys(simplices), return_counts=True)
+    """Returns whether every ridge is in an even number of simplices.
+
+    Args:
+        simplices: rows of six ascending indices of points, shape (J, 6).
+    """
+    _, counts = np.unique(_ridge_keys(simplices), return_counts=True)
     return bool((counts % 2 == 0).all())
 
 
 def encloses(points: Array, simplices: Ints) -> bool:
-    """Finds out whether a ray from the origin meets an odd number of simplices.
+    """Tells whether a ray from the origin meets an odd number of simplices.
 
-    Of a few rays the first counts that passes clear of all rims. A simplex whose points and the
-    origin are in one hyperplane is met by no other ray.
+    Among a few rays it takes the first that passes clear of all rims. A simplex that is in one
+    hyperplane with the origin is met by none of these rays.
 
     Args:
-        points: shape (G, 6).
-        simplices: rows of indices of points, shape (J, 6).
+        points: wrenches, shape (G, 6).
+        simplices: rows of six indices of points, shape (J, 6).
 
     Returns:
-        Whether it does; no where no ray passes clear.
+        Whether it does; False also if no ray passes clear.
     """
     corners = points[simplices].transpose(2, 1, 0)
     for k in range(_RAYS):
-        # Any directions do; these have no symmetry.
+        # Any directions are valid; these have no symmetry.
         ray = np.sin(1.0 + np.arange(6) * (1.7 + 0.9 * k))
-        # Barycentric: sum of share_k points_k = distance ray, shares add up to 1.
+        # Barycentric coordinates: sum of share_k points_k = distance ray, shares of total 1.
         shares = solve(corners, np.repeat(ray[:, None], len(simplices), axis=1))
         size = np.abs(shares).max(axis=0)
         flat = ~(size < _FLAT)
@@ -168,14 +223,14 @@ def encloses(points: Array, simplices: Ints) -> bool:
 def solve(matrices: Array, right: Array) -> Array:
     """Returns x of A x = b for many small systems, by elimination with row pivoting.
 
-    One operation after another on whole arrays: the last bits are the same on every processor.
+    Each operation is one on whole arrays, so the last bits are the same on every processor.
 
     Args:
-        matrices: shape (n, n, J).
-        right: shape (n, J).
+        matrices: the matrices A, shape (n, n, J).
+        right: the right-hand sides b, shape (n, J).
 
     Returns:
-        Shape (n, J); not finite where a matrix is singular.
+        The solutions x, shape (n, J); not finite if a matrix is singular.
     """
     n, _, num = matrices.shape
     A, b, all_ = matrices.copy(), right.copy(), np.arange(num)
