@@ -19,6 +19,7 @@ from drake_polygrasp.arguments import (
     check_instance,
     check_items,
     check_length,
+    check_number,
     refuse,
 )
 from drake_polygrasp.errors import UsageError
@@ -36,6 +37,8 @@ Method = Literal["enriched", "paper"]
 Rank = Literal["epsilon", "margin", "Q"]
 EffortName = Literal["full", "quick", "complete"]
 Directions: TypeAlias = tuple[tuple[float, float, float], ...]
+MAX_TILT_ERROR = 1.5
+"""Our choice [rad]: the greatest tilt that may be asked for; no usual friction is left of it."""
 TIP_RADIUS = 0.02
 """Our choice: the default fingertip radius over the object's diameter L."""
 
@@ -74,6 +77,11 @@ class PlanOptions:
         obstacles: what fingertips must not penetrate beside the object.
         steps: the steps of "enriched"; None for all.
         effort: how long to search.
+        placement_error: by how much a contact may miss its place along its face, in any direction
+            [m].
+        tilt_error: by how much the true normal at a contact may tilt [rad], 0 to 1.5.
+        friction_error: share by which friction coefficients may be too high, 0 to below 1.
+        com_error: by how much the centre of mass may be off, in any direction [m].
 
     Raises:
         UsageError: when an option is not what it may be for any object.
@@ -89,6 +97,10 @@ class PlanOptions:
     obstacles: Obstacles | None = None
     steps: Steps | None = None
     effort: EffortName = "full"
+    placement_error: float = 0.0
+    tilt_error: float = 0.0
+    friction_error: float = 0.0
+    com_error: float = 0.0
 
     def __post_init__(self) -> None:
         check_choice("method", self.method, get_args(Method))
@@ -99,6 +111,16 @@ class PlanOptions:
         for name in ("edge_clearance", "tip_radius"):
             if (length := getattr(self, name)) is not None:
                 self._keep(name, check_length(name, length))
+        for name in ("placement_error", "com_error"):
+            self._keep(name, check_length(name, getattr(self, name)))
+        demand = f"an angle in radians, from 0 to {MAX_TILT_ERROR}"
+        tilt = check_number("tilt_error", self.tilt_error, demand, least=0.0, most=MAX_TILT_ERROR)
+        self._keep("tilt_error", tilt)
+        demand = "a share of the friction coefficient, from 0 to below 1"
+        share = check_number("friction_error", self.friction_error, demand, least=0.0)
+        if share >= 1:
+            raise refuse("friction_error", self.friction_error, demand)
+        self._keep("friction_error", share)
         directions = check_items("avoid_directions", self.avoid_directions)
         self._keep("avoid_directions", tuple(unit_direction(d) for d in directions))
         indices = enumerate(check_items("exclude_faces", self.exclude_faces))
@@ -129,6 +151,8 @@ class PlanOptions:
             The settings of a plan on that object.
         """
         clearance = self.edge_clearance
+        if clearance is not None:
+            clearance = max(clearance, self.placement_error)
         # What __post_init__ made of all that it takes.
         directions = cast(Directions, self.avoid_directions)
         return PlanSettings(
@@ -136,6 +160,10 @@ class PlanOptions:
             edge_clearance=DEFAULT_CLEARANCE * L if clearance is None else clearance,
             tip_radius=TIP_RADIUS * L if self.tip_radius is None else self.tip_radius,
             edge_clearance_share_of_inradius=CLEARANCE_OF_INRADIUS if clearance is None else None,
+            placement_error=self.placement_error,
+            tilt_error=self.tilt_error,
+            friction_error=self.friction_error,
+            com_error=self.com_error,
             avoid_directions=directions,
             avoid_angle=AVOID_ANGLE if directions else None,
             exclude_faces=tuple(self.exclude_faces),
@@ -162,7 +190,12 @@ class PlanSettings:
         edge_clearance: least distance of contacts from the edges of their face [m].
         tip_radius: radius of the fingertips that have room [m].
         edge_clearance_share_of_inradius: the clearance of a face is this times its inradius where
-            that is less than `edge_clearance`; None where it is `edge_clearance` on all faces.
+            that is less than `edge_clearance`, but at least `placement_error`; None where it is
+            `edge_clearance` on all faces.
+        placement_error: by how much contacts may miss along their faces [m].
+        tilt_error: by how much normals may tilt [rad].
+        friction_error: share by which friction coefficients may be too high.
+        com_error: by how much the centre of mass may be off [m].
         avoid_directions: unit vectors in B; no contact where the outward normal is near one.
         avoid_angle: how near [rad]; None without `avoid_directions`.
         exclude_faces: indices of faces without contacts, ascending.
@@ -179,6 +212,10 @@ class PlanSettings:
     edge_clearance: float
     tip_radius: float
     edge_clearance_share_of_inradius: float | None = None
+    placement_error: float = 0.0
+    tilt_error: float = 0.0
+    friction_error: float = 0.0
+    com_error: float = 0.0
     avoid_directions: Directions = ()
     avoid_angle: float | None = None
     exclude_faces: tuple[int, ...] = ()

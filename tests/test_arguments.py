@@ -109,6 +109,10 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "avoid_directions": (),
         "exclude_faces": (),
         "obstacles": None,
+        "placement_error": 0.0,
+        "tilt_error": 0.0,
+        "friction_error": 0.0,
+        "com_error": 0.0,
     }
     given: dict[str, dict[str, Any]] = {
         "GraspForces": {
@@ -232,6 +236,14 @@ def test_whatever_is_wrong_with_an_argument_is_one_line_of_ours(
         (
             lambda: plan_grasps(model("cube"), tip_radius="3 mm"),  # type: ignore[arg-type]
             "tip_radius is '3 mm'; it must be a length in metres, 0 or more",
+        ),
+        (
+            lambda: plan_grasps(model("cube"), tilt_error=-0.1),
+            "tilt_error is -0.1; it must be an angle in radians, from 0 to 1.5",
+        ),
+        (
+            lambda: plan_grasps(model("cube"), friction_error=1),
+            "friction_error is 1; it must be a share of the friction coefficient, from 0 to below",
         ),
         (
             lambda: GraspForces(model("cube"), cube_grasp(), None, BodyIndex(1)),  # type: ignore[arg-type]

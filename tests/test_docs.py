@@ -193,6 +193,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     full, around, welded, scaled, curved = (folder / f"{name}.yaml" for name in names)
     asked = "--mu 0.3 --avoid-direction 0 0 -1 --exclude-faces 0 --patch-angle 0.2"
     asked += " --patch-depth 0.001 --top 1 --plant"
+    asked += " --placement-error 1e-3 --tilt-error 0.05 --friction-error 0.1 --com-error 1e-3"
     model = str(MODELS / "l_bracket" / "l_bracket.sdf")
     assert main(["plan", model, *asked.split(), "-o", str(full)]) == 0
     cube = load_object(MODELS / "cube" / "cube.sdf")

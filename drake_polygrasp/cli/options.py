@@ -14,6 +14,8 @@ from drake_polygrasp.cli.values import (
     read_length,
     read_package,
     read_scale,
+    read_share,
+    read_tilt,
 )
 
 
@@ -161,6 +163,7 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         default=(),
         help="allow no contact on the faces of these indices, as plan and explain number them",
     )
+    _add_error_options(parser)
     parser.add_argument(
         "--patch-angle",
         metavar="RAD",
@@ -174,4 +177,38 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         type=read_depth,
         help="greatest distance of facets from the plane of their patch [m] (default: 0.5 percent "
         "of the object's diameter)",
+    )
+
+
+def _add_error_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--placement-error",
+        metavar="M",
+        type=read_length,
+        default=0.0,
+        help="by how much a contact may miss its place along its face [m]; contacts keep at least "
+        "this distance from edges (default: 0)",
+    )
+    parser.add_argument(
+        "--tilt-error",
+        metavar="RAD",
+        type=read_tilt,
+        default=0.0,
+        help="by how much the true normal at a contact may tilt [rad]; grasps are planned with the "
+        "friction that is left (default: 0)",
+    )
+    parser.add_argument(
+        "--friction-error",
+        metavar="SHARE",
+        type=read_share,
+        default=0.0,
+        help="share by which friction coefficients may be too high; grasps are planned with the "
+        "friction that is left (default: 0)",
+    )
+    parser.add_argument(
+        "--com-error",
+        metavar="M",
+        type=read_length,
+        default=0.0,
+        help="by how much the centre of mass may be off [m] (default: 0)",
     )

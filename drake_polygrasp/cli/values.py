@@ -91,6 +91,30 @@ def read_angle(text: str) -> float:
     return angle
 
 
+def read_tilt(text: str) -> float:
+    """Returns an angle from 0 to pi/2, of which plans allow less.
+
+    Args:
+        text: the option's value [rad].
+    """
+    return _read_number(text, math.pi / 2)
+
+
+def read_share(text: str) -> float:
+    """Returns a share, from 0 to below 1.
+
+    Args:
+        text: the option's value.
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
+    share = _read_number(text, 1.0)
+    if share == 1:
+        raise argparse.ArgumentTypeError("all of the friction leaves none; give less than 1")
+    return share
+
+
 def read_count(text: str) -> int:
     """Returns a positive whole number.
 

@@ -89,6 +89,7 @@ def erode(
     polyhedron: Polyhedron,
     edge_clearance: float | None = None,
     min_inradius: float | None = None,
+    least_clearance: float | Array = 0.0,
 ) -> Regions:
     """Returns the parts of the faces that keep a distance from every edge.
 
@@ -103,6 +104,8 @@ def erode(
         min_inradius: least inradius of a face [m], by default `MIN_INRADIUS` L. A patch of a curved
             solid, which continues in its neighbours, may be narrower if the least radius of the
             solid is not.
+        least_clearance: what the distance is at least [m], one number or one for each face, shape
+            (F,).
 
     Returns:
         Regions, sorted by face, then centroid; a face can have several.
@@ -110,11 +113,13 @@ def erode(
     L = polyhedron.diameter
     polygons = polyhedron.polygon_F
     narrowest = MIN_INRADIUS * L if min_inradius is None else min_inradius
-    wide = max(narrowest, edge_clearance or 0.0, DEFAULT_CLEARANCE / CLEARANCE_OF_INRADIUS * L)
+    most = max(edge_clearance or 0.0, float(np.max(least_clearance, initial=0.0)))
+    wide = max(narrowest, most, DEFAULT_CLEARANCE / CLEARANCE_OF_INRADIUS * L)
     radius = _radii(polyhedron, polygons, wide)
     clearance = np.minimum(DEFAULT_CLEARANCE * L, CLEARANCE_OF_INRADIUS * radius)
     if edge_clearance is not None:
         clearance = np.full(len(radius), edge_clearance)
+    clearance = np.maximum(clearance, least_clearance)
     is_wide = np.maximum(radius, polyhedron.least_radius_of_solid) >= narrowest
     kept = np.flatnonzero(is_wide & (radius > clearance))
     eroded = shrunk(polygons[kept], clearance[kept])

@@ -124,7 +124,10 @@ def require_planar(object_: GraspObject) -> None:
 
 
 def _regions(object_: GraspObject, plan: GraspPlan) -> Regions:
-    regions = erode(object_.polyhedron, plan.settings.fixed_clearance)
+    settings = plan.settings
+    regions = erode(
+        object_.polyhedron, settings.fixed_clearance, least_clearance=settings.placement_error
+    )
     excluded = plan.settings.exclusion.avoids(regions.nhat_TB_B, regions.face)
     return regions.take(~excluded)
 

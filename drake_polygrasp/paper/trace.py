@@ -56,7 +56,10 @@ from drake_polygrasp.vectors import unit
 
 
 def trace_set(
-    object_: GraspObject, faces: Sequence[int], edge_clearance: float | None = None
+    object_: GraspObject,
+    faces: Sequence[int],
+    edge_clearance: float | None = None,
+    least_clearance: float = 0.0,
 ) -> SetTrace:
     """Computes what every step of the paper (`method="paper"`) finds for one set of faces.
 
@@ -67,6 +70,7 @@ def trace_set(
         faces: two or three indices of faces of its polyhedron.
         edge_clearance: least distance of a contact from the edges of its face [m]; None for the
             default of `plan_grasps`.
+        least_clearance: contacts are at least as far from the edges [m].
 
     Returns:
         The trace, up to the step that ended the set.
@@ -74,7 +78,7 @@ def trace_set(
     Raises:
         UsageError: when `faces` are not two or three faces wide enough for a finger.
     """
-    regions = erode(object_.polyhedron, edge_clearance)
+    regions = erode(object_.polyhedron, edge_clearance, least_clearance=least_clearance)
     wanted = set(faces)
     if len(wanted) not in (2, 3) or not wanted <= set(regions.face.tolist()):
         raise UsageError(

@@ -3,6 +3,7 @@
 | file | what it holds |
 |---|---|
 | request.py | what to plan for, checked |
+| friction_left.py | the friction that errors of tilt and friction leave to plan with |
 | proposals.py | candidates of the paper and of the search, before any is proved |
 | candidates.py | candidates projected onto the true surface |
 | judge.py | what becomes of them, and the proofs of those that hold |

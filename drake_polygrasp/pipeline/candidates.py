@@ -48,7 +48,7 @@ class ProjectedCandidates:
         candidates: with contacts moved to the true surface; q is NaN where the paper's stages give
             none.
         nhat_TB_B: inward unit normals, shape (M, 3, 3).
-        mu: friction coefficients, shape (M, 3).
+        mu: friction coefficients of the model, which proofs are of, shape (M, 3).
         face: faces that contacts are on, shape (M, 3).
         kind: position in KINDS, shape (M,).
         outcome: position in REASONS of each candidate; UNJUDGED where it may still hold, shape
@@ -72,6 +72,10 @@ class ProjectedCandidates:
     def contacts_of(self, rows: Ints) -> tuple[Array, Array, Array]:
         """Returns `contacts` of some candidates."""
         return self.candidates.p_BC[rows], self.nhat_TB_B[rows], self.mu[rows]
+
+    def narrowed_contacts_of(self, rows: Ints) -> tuple[Array, Array, Array]:
+        """Returns contacts of some candidates with the friction that errors leave."""
+        return *self.contacts_of(rows)[:2], self.request.mu_left[self.face[rows]]
 
     def one_row_a_contact(self, rows: Ints) -> tuple[Array, Array]:
         """Returns contact points [m] and normals of some candidates, shape (3 len(rows), 3)."""
@@ -143,7 +147,7 @@ def project_candidates(
     rows = plan.candidates.take(np.arange(first, len(plan.candidates.set_index)))
     if triples is not None:
         rows = join_rows(rows, _candidates_of(regions, plan, triples))
-    face, mu = regions.face[rows.region], regions.mu[rows.region]
+    face, mu_left = regions.face[rows.region], regions.mu[rows.region]
     built = has_contacts(rows.p_BC)
     outcome = np.where(built, UNJUDGED, plan.code[rows.set_index]).astype(np.int8)
     p_BC, nhat_TB_B = rows.p_BC.copy(), regions.nhat_TB_B[rows.region]
@@ -155,7 +159,7 @@ def project_candidates(
     on_surface[built] = projected.ok.reshape(-1, 3).all(axis=1)
     outcome[built & ~on_surface] = CODE["off_face"]
     alive = np.flatnonzero(outcome == UNJUDGED)
-    slips = alive[~force_closure(p_BC[alive], nhat_TB_B[alive], mu[alive])]
+    slips = alive[~force_closure(p_BC[alive], nhat_TB_B[alive], mu_left[alive])]
     spread = non_collinear(p_BC[slips])
     outcome[slips] = np.where(spread, CODE["not_force_closure"], CODE["collinear"])
     alive = np.flatnonzero(outcome == UNJUDGED)
@@ -164,6 +168,7 @@ def project_candidates(
     distinct = 1 + (np.diff(np.sort(face, axis=1), axis=1) > 0).sum(axis=1)
     kind = np.where(distinct == 2, 2, rows.is_parallel)
     nhat_B, p_BP = _planes_of(p_BC, rows, LENGTH_TOLERANCE * polyhedron.diameter)
+    mu = polyhedron.mu[face]
     candidates = replace(rows, p_BC=p_BC, nhat_B=nhat_B, p_BP=p_BP)
     return ProjectedCandidates(request, plan, candidates, nhat_TB_B, mu, face, kind, outcome)
 

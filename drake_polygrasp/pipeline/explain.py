@@ -11,7 +11,6 @@ import numpy.typing as npt
 from drake_polygrasp.arrays import Ints, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.paper.orientation import least_opposing_friction
 from drake_polygrasp.paper.reasons import REASONS
 from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.judging import all_candidates
@@ -33,6 +32,9 @@ class Explanation:
         excluded_faces: indices of faces of which every set is excluded, ascending.
         tip_radius: radius of the fingertips that had to fit [m].
         edge_clearance: least distance of contacts from edges, if it was given [m].
+        placement_error: distance by which contacts may miss along their faces [m].
+        tilt_error: angle by which normals may tilt [rad].
+        friction_error: fraction by which friction coefficients may be too high.
     """
 
     faces: Ints
@@ -42,6 +44,9 @@ class Explanation:
     excluded_faces: tuple[int, ...] = ()
     tip_radius: float = 0.0
     edge_clearance: float | None = None
+    placement_error: float = 0.0
+    tilt_error: float = 0.0
+    friction_error: float = 0.0
 
 
 def explain_sets(
@@ -53,6 +58,10 @@ def explain_sets(
     avoid_directions: Iterable[npt.ArrayLike] = (),
     exclude_faces: Iterable[int] = (),
     obstacles: Obstacles | None = None,
+    placement_error: float = 0.0,
+    tilt_error: float = 0.0,
+    friction_error: float = 0.0,
+    com_error: float = 0.0,
 ) -> Explanation:
     """Evaluates every set of faces and says how it ended, by the steps of the paper.
 
@@ -73,6 +82,13 @@ def explain_sets(
             degrees of one.
         exclude_faces: indices of faces without contacts.
         obstacles: solids beside the object that fingertips must not penetrate.
+        placement_error: distance by which a contact may miss its place along its face, in any
+            direction [m]. Contacts keep at least this distance from edges.
+        tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
+        friction_error: fraction by which friction coefficients may be too high, 0 to below 1.
+            Grasps are planned with the friction that the worst tilt and coefficient leave; proofs
+            have the model's.
+        com_error: distance by which the centre of mass may be off, in any direction [m].
 
     Returns:
         The sets of faces with their reasons.
@@ -87,6 +103,10 @@ def explain_sets(
         avoid_directions=avoid_directions,
         exclude_faces=exclude_faces,
         obstacles=obstacles,
+        placement_error=placement_error,
+        tilt_error=tilt_error,
+        friction_error=friction_error,
+        com_error=com_error,
     )
     request = make_request(object_, options)
     judge = Judge(all_candidates(request))
@@ -100,8 +120,11 @@ def explain_sets(
         frozen(faces, np.int64),
         [REASONS[c] for c in code],
         counts,
-        None if counts.get("certified") else least_opposing_friction(request.regions.nhat_TB_B),
+        None if counts.get("certified") else request.mu_needed,
         request.excluded_faces,
         request.tip_radius,
-        edge_clearance,
+        request.settings.fixed_clearance,
+        request.settings.placement_error,
+        request.settings.tilt_error,
+        request.settings.friction_error,
     )

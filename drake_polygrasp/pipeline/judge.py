@@ -126,7 +126,7 @@ class Judge:
         """Estimates epsilon of all candidates that hold or may hold; 0 for others, shape (M,)."""
         rows = np.flatnonzero(np.isin(self.outcome, (UNJUDGED, CODE["certified"])))
         object_, estimate = self.work.request.object_, np.zeros(len(self.outcome))
-        contacts = self.work.contacts_of(rows)
+        contacts = self.work.narrowed_contacts_of(rows)
         estimate[rows] = epsilon_estimates(*contacts, object_.p_BBcm, object_.rho)
         return estimate
 

@@ -125,7 +125,7 @@ def _denser_triples(request: PlanRequest) -> Triples:
 def _best_known(request: PlanRequest, work: ProjectedCandidates) -> Triples:
     """The candidates of force closure that are the best by estimate, with room for tips or not."""
     rows = np.flatnonzero(has_contacts(work.candidates.p_BC))
-    rows = rows[force_closure(*work.contacts_of(rows))]
+    rows = rows[force_closure(*work.narrowed_contacts_of(rows))]
     triples = Triples(work.candidates.region[rows], work.candidates.p_BC[rows])
     estimate = estimates(request.regions, triples, request.object_.p_BBcm, request.object_.rho)
     return triples.take(best_first(estimate)[: FULL.sources])

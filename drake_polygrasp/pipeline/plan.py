@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
-from drake_polygrasp.paper.orientation import least_opposing_friction
 from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
 from drake_polygrasp.pipeline.judging import prove_candidates
 from drake_polygrasp.pipeline.ranking import certify_best
@@ -88,6 +87,10 @@ def plan_grasps(
     obstacles: Obstacles | None = None,
     steps: Steps | None = None,
     effort: EffortName = "full",
+    placement_error: float = 0.0,
+    tilt_error: float = 0.0,
+    friction_error: float = 0.0,
+    com_error: float = 0.0,
 ) -> GraspPlan:
     """Plans grasps of an object and proves each one that it returns.
 
@@ -121,6 +124,13 @@ def plan_grasps(
             "quick" searches few points without the paper's stages, so its grasps have no Q; if it
             finds none, "full" follows. It is for "enriched" ranked by epsilon. "complete" evaluates
             every set of faces, however long that takes.
+        placement_error: distance by which a contact may miss its place along its face, in any
+            direction [m]. Contacts keep at least this distance from edges.
+        tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
+        friction_error: fraction by which friction coefficients may be too high, 0 to below 1.
+            Grasps are planned with the friction that the worst tilt and coefficient leave; proofs
+            and `Grasp.mu` have the model's.
+        com_error: distance by which the centre of mass may be off, in any direction [m].
 
     Returns:
         The plan. If it has no grasps, `outcome` says whether all sets of faces were evaluated.
@@ -141,6 +151,10 @@ def plan_grasps(
         obstacles=obstacles,
         steps=steps,
         effort=effort,
+        placement_error=placement_error,
+        tilt_error=tilt_error,
+        friction_error=friction_error,
+        com_error=com_error,
     )
     request = make_request(object_, options)
     judge = prove_candidates(request)
@@ -153,6 +167,6 @@ def plan_grasps(
         request.counts(judge.set_codes()),
         {"plan": planned - start, "certify": certified - planned},
         request.settings,
-        None if grasps else least_opposing_friction(request.regions.nhat_TB_B),
+        None if grasps else request.mu_needed,
         request.excluded_faces,
     )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from drake_polygrasp.arguments import check_instance
-from drake_polygrasp.arrays import Ints
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import check_same_body
 from drake_polygrasp.geometry.exclusion import Exclusion, require_faces
@@ -17,8 +17,10 @@ from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.surface_contact import effective_tip_radius
 from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.paper.orientation import least_opposing_friction
 from drake_polygrasp.paper.reasons import CODE, REASONS, UNJUDGED, SetPlan
 from drake_polygrasp.paper.stages import plan_sets
+from drake_polygrasp.pipeline.friction_left import friction_left, friction_needed
 from drake_polygrasp.settings import PlanOptions, PlanSettings, Steps
 
 Codes = npt.NDArray[np.int8]
@@ -37,7 +39,9 @@ class PlanRequest:
         settings: what repeats it on this object, for the grasp file.
         every_face: the face of each region that erosion leaves, shape (n,).
         kept: those that are not excluded, shape (m,).
-        regions: these, one row each.
+        regions: these, one row each; their friction is what errors leave.
+        mu_left: friction of each face that errors of tilt and friction leave, for search,
+            improvement and filters, shape (F,). Proofs are of the model's.
         exclusion: where no contact may be.
     """
 
@@ -47,6 +51,7 @@ class PlanRequest:
     every_face: Ints
     kept: Ints
     regions: Regions
+    mu_left: Array
     exclusion: Exclusion
 
     @property
@@ -78,6 +83,13 @@ class PlanRequest:
     def excluded_faces(self) -> tuple[int, ...]:
         """Faces whose every set is excluded, ascending."""
         return self.exclusion.excluded_faces(self.object_.polyhedron)
+
+    @property
+    def mu_needed(self) -> float | None:
+        """Friction above which some set passes orientation for all errors; None if none does."""
+        mu = least_opposing_friction(self.regions.nhat_TB_B)
+        errors = self.settings.tilt_error, self.settings.friction_error
+        return None if mu is None else friction_needed(mu, *errors)
 
     def counts(self, code: Codes) -> dict[str, int]:
         """How many sets ended with each reason, by the codes of those that were evaluated."""
@@ -151,8 +163,10 @@ def make_request(object_: GraspObject, options: PlanOptions) -> PlanRequest:
                 f"fingertip is {width:g} m wide; take them with a greater reach"
             )
     excluded = settings.exclusion
-    regions = erode(polyhedron, options.edge_clearance)
+    regions = erode(polyhedron, settings.fixed_clearance, least_clearance=settings.placement_error)
     kept = ~excluded.avoids(regions.nhat_TB_B, regions.face)
+    mu_left = friction_left(polyhedron.mu, settings.tilt_error, settings.friction_error)
+    regions = replace(regions, mu=frozen(mu_left[regions.face]))
     return PlanRequest(
         object_,
         options,
@@ -160,5 +174,6 @@ def make_request(object_: GraspObject, options: PlanOptions) -> PlanRequest:
         regions.face,
         np.flatnonzero(kept),
         regions if kept.all() else regions.take(kept),
+        mu_left,
         excluded,
     )

@@ -11,6 +11,7 @@ from drake_polygrasp.paper.reasons import MEANING, REASONS
 from drake_polygrasp.paper.trace import trace_set
 from drake_polygrasp.paper.trace_result import SetTrace
 from drake_polygrasp.pipeline.explain import Explanation
+from drake_polygrasp.pipeline.friction_left import with_friction_left
 from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
 
 
@@ -35,7 +36,9 @@ def draw_explanation(
         figure = Figure(figsize=(7.0, 0.8 + 0.4 * len(counts)), layout="constrained")
         draw_reasons(figure.add_subplot(), counts)
         return figure
-    trace = trace_set(object_, faces, explanation.edge_clearance)
+    left = with_friction_left(object_, explanation.tilt_error, explanation.friction_error)
+    clearances = explanation.edge_clearance, explanation.placement_error
+    trace = trace_set(left, faces, *clearances)
     return draw_trace(trace, object_, explanation.tip_radius, _ending(trace, explanation))
 
 

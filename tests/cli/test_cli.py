@@ -335,6 +335,10 @@ def test_bad_input_is_one_message_exit_2_and_no_file(
         "plan a --method guess",
         "plan a --edge-clearance -1",
         "plan a --tip-radius nan",
+        "plan a --placement-error -1",
+        "plan a --tilt-error 1.6",
+        "plan a --friction-error 1",
+        "plan a --com-error nan",
         "explain a --set 1",
         "explain a --set 1,2,3,4",
         "explain a --set 1,x",
@@ -353,7 +357,7 @@ def test_wrong_usage_is_exit_2(capsys: pytest.CaptureFixture[str], command: str)
         (
             "plan",
             "--body --mu --top --method --rank --edge-clearance --tip-radius --output --json "
-            "--package-path",
+            "--package-path --placement-error --tilt-error --friction-error --com-error",
         ),
         ("verify", "--require-model --json --package-path"),
         (
