@@ -17,7 +17,6 @@ WAITING = {
     "optimality",
     "pipeline",
     "plant",
-    "search",
 }
 """Rooms and files at the top that are not held to it yet."""
 DOCUMENTED = {

@@ -1,6 +1,6 @@
-"""Beyond the paper: contacts of greater epsilon, found by search on the same faces.
+"""Beyond the paper: a search for contacts of greater epsilon on the same faces.
 
-Nothing here knows the paper: the pipeline hands the search what it needs of it.
+This room does not import the paper: the pipeline passes in what the search needs of it.
 
 | file | what it holds |
 |---|---|

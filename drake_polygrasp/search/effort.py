@@ -1,31 +1,32 @@
-"""Beyond the paper: how long grasps are sought before the best are proved."""
+"""Beyond the paper: how much is searched before the best candidates are proved."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 MORE_SETS = 32_000
-"""Ours: where fewer grasps are found than wanted, the paper's stages see so many sets at most,
-which takes about a second."""
+"""Our choice: where fewer grasps are found than wanted, the paper's stages see at most so many
+sets, which takes about a second."""
 ANY_SETS = 300_000
-"""Ours: and where none is found, so many: some seconds; about 120 regions have as many."""
+"""Our choice: the same limit where no grasp is found; so many sets, those of about 120 regions,
+take some seconds."""
 CHUNKS = (4_000, 32_000, 128_000)
-"""Ours: so many sets are seen first, those of greatest bound, then so many, then so many. To order
-still more of them takes as long as the paper's stages do."""
+"""Our choice: numbers of sets seen in turn, those of greatest bound first. To order more sets takes
+as long as the paper's stages do."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Sizes of search and improvement, ours.
+    """Sizes of search and improvement, our choices.
 
     Attributes:
-        points: sample points on objects of few regions.
-        most_points: on objects of many; of more regions the largest have one.
-        strides: each pass searches every so many of the points: those before the last cost little,
-            and tell it the directions that their winners resist least.
-        sources: grasps whose weakest directions are taken in each pass.
-        kept: triples kept in each pass at least; of many points, as many.
-        rounds: of improvement: how many grasps, the best so far, move in each.
+        points: number of sample points on objects of few regions.
+        most_points: greatest number on objects of many; of more regions the largest have one each.
+        strides: each pass searches every so many of the points. Early passes cost little, and find
+            the directions that their best triples resist least.
+        sources: number of grasps whose weakest directions are taken in each pass.
+        kept: least number of triples kept in each pass; as many as points where these are more.
+        rounds: number of grasps, the best so far, that move in each round of improvement.
     """
 
     points: int
@@ -37,7 +38,7 @@ class Effort:
 
     @property
     def starts(self) -> int:
-        """Triples that are improved."""
+        """Number of triples that are improved."""
         return self.rounds[0]
 
 

@@ -1,7 +1,7 @@
 """Beyond the paper: triples of sample points on each of many sets of faces, good or not.
 
-triples.py finds the best triples, most of them on few sets. Where it matters on which sets any
-contacts hold, all triples of a few points are looked at.
+triples.py finds the best triples, most of them on few sets. Where the question is which sets of
+faces have any grasp, all triples of a few points are tested.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from drake_polygrasp.search.triples import NO_TRIPLES, Triples
 from drake_polygrasp.wrenches.contacts import force_closure
 
 _AT_ONCE = 100_000
-"""Triples looked at together, some tens of megabytes."""
+"""Triples tested together, some tens of megabytes."""
 
 
 def triples_on_each_set(
@@ -33,10 +33,13 @@ def triples_on_each_set(
     Args:
         regions: where contacts may be.
         points: their regions, shape (N,), and coordinates in the faces' frames [m], shape (N, 2).
-        p_BBcm: centre of mass [m], shape (3,).
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
-        places: how many triples on one set at most.
-        opposing: tells the sets of regions that oppose each other.
+        places: greatest number of triples on one set.
+        opposing: tests whether sets of regions oppose each other by orientation.
+
+    Returns:
+        The triples, those of greatest estimated epsilon first.
     """
     region, p_FC = points
     if len(region) < 3:

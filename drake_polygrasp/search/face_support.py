@@ -1,8 +1,8 @@
-"""The support function of W as a function of where contacts lie on their faces.
+"""The support function h(w) of W as a function of the places of contacts on their faces.
 
-W is the hull of three parts, one a contact, so h(w) = max_i h_i(w), and h_i depends on contact i
-alone. Where contacts vary and directions w do not, h_i is computed once for each place, and every
-combination of places costs a maximum.
+W is the hull of three parts, one for each contact, so h(w) = max_i h_i(w), where h_i depends on
+contact i alone. For fixed directions w, h_i is computed once for each place of a contact, and every
+combination of places costs only a maximum.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class FaceTwists:
     Attributes:
         v_F: velocity of the body at Fo, shape (..., 3, K).
         w_F: angular velocity [1/m], shape (..., 3, K).
-        mu: of each face, shape (...).
+        mu: friction coefficient of each face, shape (...).
     """
 
     v_F: Array
@@ -31,7 +31,14 @@ class FaceTwists:
     mu: Array
 
     def support(self, p_FC: Array) -> Array:
-        """h_i(w) of contacts at points of the faces [m]: (..., C, 2) to (..., C, K)."""
+        """Computes h_i(w) of contacts at points of the faces.
+
+        Args:
+            p_FC: points in the faces' planes [m], shape (..., C, 2).
+
+        Returns:
+            h_i(w), shape (..., C, K).
+        """
         x, y = p_FC[..., 0, None], p_FC[..., 1, None]
         v_x, v_y, v_z = (self.v_F[..., None, axis, :] for axis in range(3))
         w_x, w_y, w_z = (self.w_F[..., None, axis, :] for axis in range(3))
@@ -43,7 +50,18 @@ class FaceTwists:
 
 
 def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: float) -> FaceTwists:
-    """Directions w, shape (..., K, 6), on regions, shape (...); the shapes broadcast."""
+    """Expresses directions w as twists in the frames of faces.
+
+    Args:
+        regions: all regions.
+        region: index of the region of each row, shape (...).
+        w: directions, shape (..., K, 6), broadcast with `region`.
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+
+    Returns:
+        The twists.
+    """
     R_FB = regions.R_BF[region].swapaxes(-1, -2)
     v, omega = w[..., :3], w[..., 3:]
     v = v + cross(omega, (regions.p_BF[region] - p_BBcm)[..., None, :] / rho)
@@ -53,17 +71,44 @@ def face_twists(regions: Regions, region: Ints, w: Array, p_BBcm: Array, rho: fl
 
 
 def contacts_on(regions: Regions, region: Ints, p_BC: Array) -> tuple[Array, Array, Array]:
-    """Contacts at points of regions, as the functions of `wrenches` take them."""
+    """Returns contacts at points of regions as the functions of `wrenches` take them.
+
+    Args:
+        regions: all regions.
+        region: region of each contact, shape (..., 3).
+        p_BC: contact points expressed in B [m], shape (..., 3, 3).
+
+    Returns:
+        p_BC, the inward unit normals and the friction coefficients.
+    """
     return p_BC, regions.nhat_TB_B[region], regions.mu[region]
 
 
 def points_on(regions: Regions, region: Ints, p_FC: Array) -> Array:
-    """p_BC [m] of points of regions in their faces' frames, (..., 2) to (..., 3)."""
+    """Converts points in faces' frames to points expressed in B.
+
+    Args:
+        regions: all regions.
+        region: region of each point, shape (...).
+        p_FC: coordinates in the faces' planes [m], shape (..., 2).
+
+    Returns:
+        p_BC [m], shape (..., 3).
+    """
     p_BC: Array = regions.p_BF[region] + transformed(regions.R_BF[region][..., :2], p_FC)
     return p_BC
 
 
 def points_in_faces(regions: Regions, region: Ints, p_BC: Array) -> Array:
-    """Coordinates in their faces' frames of points of regions [m], (..., 3) to (..., 2)."""
+    """Converts points expressed in B to coordinates in their faces' planes.
+
+    Args:
+        regions: all regions.
+        region: region of each point, shape (...).
+        p_BC: points expressed in B [m], shape (..., 3).
+
+    Returns:
+        p_FC [m], shape (..., 2).
+    """
     axes = np.swapaxes(regions.R_BF[region][..., :2], -1, -2)
     return transformed(axes, p_BC - regions.p_BF[region])

@@ -1,9 +1,8 @@
-"""Beyond the paper: the parts of regions where fingertips have room, before contacts are sought.
+"""Beyond the paper: the parts of regions where fingertips have room, found before the search.
 
 Contacts that move freely end where faces are longest, often in inner corners of the object, where
-no fingertip fits. Whether one fits at last is decided on the true surface, by
-`fingertip_fits`; here regions lose what is near to anything that rises out of their face, and to
-obstacles.
+no fingertip fits. Regions lose here what is near to anything that rises out of their face, and to
+obstacles. The final test on the true surface is `fingertip_fits`.
 """
 
 from __future__ import annotations
@@ -25,9 +24,9 @@ from drake_polygrasp.vectors import circle, times, transformed
 _FLAT = 4 * FLATNESS
 """Times L: what rises less belongs to the face."""
 _TRIANGLES_AT_ONCE = 1 << 15
-"""Beside regions, ours: temporaries, and polygons around each, of some 100 MB."""
+"""Our choice: triangles near regions processed together, some 100 MB."""
 _QUARTER = 4
-"""Segments of a quarter circle; the polygon is drawn around the circle."""
+"""Segments of a quarter circle; polygons are drawn around the circles they replace."""
 
 
 def with_tip_room(
@@ -36,11 +35,19 @@ def with_tip_room(
     tip_radius: float,
     obstacles: Obstacles | None = None,
 ) -> Regions:
-    """The regions with polygons, possibly empty or of several parts, that leave room for a tip.
+    """Cuts from regions the parts where a spherical fingertip has no room.
 
-    A sphere of `tip_radius` [m] that touches a remaining point from outside penetrates nothing
-    that rises from the face and no obstacle; a little more than necessary is removed beside slanted
-    walls.
+    A fingertip that touches a remaining point from outside penetrates nothing that rises from the
+    face and no obstacle. Beside slanted walls a little more than necessary is removed.
+
+    Args:
+        regions: where contacts may be.
+        polyhedron: the exposed surface of the body.
+        tip_radius: radius of the fingertips [m]; 0 for no room beside the body.
+        obstacles: other geometry that fingertips must not penetrate.
+
+    Returns:
+        The regions, with polygons that may be empty or have several parts.
     """
     L = polyhedron.diameter
     if tip_radius > 0 and not polyhedron.is_convex:
@@ -61,7 +68,7 @@ def _with_polygons(regions: Regions, polygons: Shapes) -> Regions:
 
 
 def _beside(regions: Regions, triangles_B: Array, lowest: Array, tip_radius: float) -> Regions:
-    """Without what is near to the parts of triangles that rise above `lowest` [m], shape (n,)."""
+    """Removes what is near to the parts of triangles that rise above `lowest` [m], shape (n,)."""
     polygons = regions.polygon_F.copy()
     least_B, most_B = triangles_B.min(axis=1), triangles_B.max(axis=1)
     boxes_F = _room(polygons, lowest, tip_radius)
@@ -87,7 +94,7 @@ def _beside(regions: Regions, triangles_B: Array, lowest: Array, tip_radius: flo
 def _cut_off(
     polygons: Shapes, rising: Mapping[int, Array], lowest: Array, tip_radius: float
 ) -> None:
-    """Takes from polygons, by index, what is near to the triangles that rise from each."""
+    """Removes from polygons, by index, what is near to the triangles that rise from each."""
     sizes = [len(triangles_F) for triangles_F in rising.values()]
     owner = np.repeat(np.array(list(rising), dtype=np.int64), sizes)
     if not len(owner):
@@ -101,9 +108,9 @@ def _cut_off(
 
 
 def _outside(regions: Regions, obstacles: Obstacles, tip_radius: float) -> Regions:
-    """Without the parts on which the centre of a tip is inside an obstacle.
+    """Removes the parts on which the centre of a fingertip is inside an obstacle.
 
-    No tip on a part meets an obstacle's surface: on each, all centres are inside or none is.
+    No fingertip on a part meets an obstacle's surface, so all its centres are inside or none is.
     """
     polygons = regions.polygon_F.copy()
     parts, owner = shapely.get_parts(polygons, return_index=True)
@@ -118,7 +125,7 @@ def _outside(regions: Regions, obstacles: Obstacles, tip_radius: float) -> Regio
 
 
 def _room(polygons: Shapes, lowest: Array, tip_radius: float) -> Array:
-    """Least and greatest corner of boxes in F that hold all tips on the polygons, (n, 2, 3)."""
+    """Computes boxes in F that contain all fingertips on the polygons, as corners (n, 2, 3)."""
     boxes = np.empty((len(polygons), 2, 3))
     boxes[:, :, :2] = shapely.bounds(polygons).reshape(-1, 2, 2)
     boxes[:, 0, :2] -= tip_radius

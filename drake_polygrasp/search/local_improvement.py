@@ -1,11 +1,10 @@
 """Beyond the paper: moves the three contacts within their regions while epsilon rises.
 
-Section 7 puts contacts where forces balance simply, not where the grasp resists most. An estimate
-of epsilon is the least of some hundred radii, one for each line of twists, and these change
-smoothly as contacts move. Each round takes their slopes, sees what these promise of every
-combination of some moves of the three contacts, and makes the best if epsilon does rise; else
-later moves are shorter. Slopes of h(w) for fixed directions w mislead: the weakest turn as
-contacts move, and the twists of lines turn with them.
+The estimate of epsilon is the least of some hundred radii, one for each facet twist, which change
+smoothly as contacts move. Each round computes the gradients of the least radii, predicts from them
+the radii of every combination of some moves of the three contacts, and makes the best combination
+if the estimate does rise; else later moves are shorter. Gradients of h at fixed w mislead, because
+the weakest direction changes as contacts move; the facet twists move with the contacts.
 """
 
 from __future__ import annotations
@@ -22,22 +21,23 @@ from drake_polygrasp.vectors import circle, product
 from drake_polygrasp.wrenches.epsilon_estimate import radii_of_lines
 
 MOVES = 15
-"""Of each contact in a round, beside staying where it is, ours."""
+"""Our choice: moves of each contact tried in a round, beside staying where it is."""
 FARTHEST = 0.5
-"""The longest move at first, times the square root of the largest region's area, ours,"""
+"""Our choice: the longest move at first, times the square root of the largest region's area."""
 SPAN = 20.0
-"""how many times as long as the shortest it is,"""
+"""Our choice: ratio of the longest to the shortest move."""
 SHRINKING = 0.6
-"""and how many times as long it becomes where epsilon did not rise."""
+"""Our choice: factor of the moves' lengths where the estimate did not rise."""
 NUM_RADII = 24
-"""The least ones have their slopes taken, ours: others hardly become the least in one move."""
+"""Our choice: number of least radii whose gradients are computed; others hardly become the least in
+one move."""
 STEP = 1e-3
-"""For slopes, times the square root of the largest region's area, ours: in single precision less
-would be noise."""
+"""Our choice: step of finite differences, times the square root of the largest region's area; a
+smaller one would be noise in single precision."""
 _STEPS = np.concatenate([np.zeros((1, 3, 2)), np.eye(6).reshape(6, 3, 2)])
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 _AT_ONCE = 2
-"""Grasps whose combinations fit into the cache."""
+"""Grasps whose combinations fit into the processor's cache."""
 
 
 def improved(
@@ -48,19 +48,19 @@ def improved(
     rho: float,
     rounds: tuple[int, ...],
 ) -> tuple[Array, Array]:
-    """Contacts moved to raise epsilon; none ends with a lower estimate than it began with.
+    """Moves contacts to raise epsilon; no estimate falls.
 
     Args:
         regions: where contacts may be; their polygons may have several parts.
         region: region of each contact, shape (M, 3).
-        p_BC: contact points in these regions [m], shape (M, 3, 3).
-        p_BBcm: centre of mass [m], shape (3,).
+        p_BC: contact points in these regions, expressed in B [m], shape (M, 3, 3).
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
-        rounds: how many grasps, the best so far, move in each.
+        rounds: number of grasps, the best so far, that move in each round.
 
     Returns:
-        p_BC [m], shape (M, 3, 3), and their `epsilon_estimates`, shape (M,), which say nothing of
-        the few that do not hold any more: that is left to the caller to see.
+        p_BC [m], shape (M, 3, 3), and the estimates of epsilon, shape (M,). A few grasps may not be
+        force closure any more, which the estimates do not show: the caller must test it.
     """
     polygons = regions.polygon_F[region]
     shapely.prepare(polygons)
@@ -87,7 +87,7 @@ def improved(
 def _linearised(
     regions: Regions, region: Ints, p_FC: Array, step: Array, p_BBcm: Array, rho: float
 ) -> tuple[Array, Array]:
-    """The least radii of contacts at p_FC (M, 3, 2), ascending, and their slopes there.
+    """Computes the least radii of contacts (M, 3, 2), ascending, and their gradients.
 
     Shapes (M, NUM_RADII) and (M, 3, 2, NUM_RADII).
     """
@@ -103,9 +103,9 @@ def _linearised(
 
 
 def _most_promising(radii: Array, slopes: Array, places: Array, moves: Array) -> Array:
-    """Of K places of each contact those of the greatest least radius, if radii were linear.
+    """Selects from K places of each contact those of the greatest predicted least radius.
 
-    Moves lead to them; (M, K, 3, 2) to (M, 3, 2).
+    The prediction is linear in `moves`, which lead to `places`; (M, K, 3, 2) to (M, 3, 2).
     """
     num, K = moves.shape[:2]
     # What moves of each contact add to radii, by contact (M, NUM_RADII, K).
@@ -123,7 +123,7 @@ def _most_promising(radii: Array, slopes: Array, places: Array, moves: Array) ->
 
 
 def _nearest_inside(polygons: Shapes, points: Array) -> Array:
-    """Points (..., 2), those outside their polygons, (...), moved to the nearest boundary."""
+    """Moves points (..., 2) that are outside their polygons (...) to the nearest boundary."""
     polygons = np.broadcast_to(polygons, points.shape[:-1])
     outside = ~shapely.intersects_xy(polygons, points[..., 0], points[..., 1])
     inside = points.copy()
@@ -133,7 +133,7 @@ def _nearest_inside(polygons: Shapes, points: Array) -> Array:
 
 @cache
 def _spiral(number: int) -> Array:
-    """Moves of all lengths and directions, other ones each round, the longest 1, (MOVES, 2)."""
+    """Returns moves of many lengths and directions, other ones each round, at most 1 long."""
     turn = _GOLDEN_ANGLE * (MOVES * number + np.arange(MOVES))
     length = np.round(SPAN ** -np.linspace(0.0, 1.0, MOVES), 14)
     return frozen(length[:, None] * circle(turn))

@@ -1,4 +1,4 @@
-"""Beyond the paper: points on regions, to look for contacts among."""
+"""Beyond the paper: sample points on regions, where contacts are tried."""
 
 from __future__ import annotations
 
@@ -12,27 +12,36 @@ from drake_polygrasp.geometry.regions import Regions, nearest_points
 from drake_polygrasp.search.effort import Effort
 
 POINTS_A_REGION = 2.5
-"""On objects of more than a few regions, ours."""
+"""Our choice: points for each region on objects of more than a few regions."""
 MORE_POINTS = 2.5
-"""Times the points on objects of few regions, up to so many in all, ours."""
+"""Our choice: limit of these, times the points on objects of few regions."""
 LEAST_A_REGION = 1.3
-"""Ours, where that is more."""
+"""Our choice: points for each region at least."""
 SCARCE = 1.5
-"""Ours: times fewer points than asked for are far fewer; up to the square of it times more are
-not far more."""
+"""Our choice: points are scarce where they are fewer than asked for by more than this factor; up to
+its square times more are accepted instead."""
 OUTLINE = 0.05
-"""Times the distance of points, ours: regions of scans have corners that are none."""
+"""Our choice, times the distance of points: outlines are simplified by so much, because regions of
+scans have many corners that matter to no contact."""
 
 
 def num_points(num_regions: int, effort: Effort) -> int:
-    """How many points to sample on so many regions."""
+    """Computes how many points to sample.
+
+    Args:
+        num_regions: number of regions of the object.
+        effort: sizes of the search.
+
+    Returns:
+        The number of points.
+    """
     some = min(POINTS_A_REGION * num_regions, MORE_POINTS * effort.points)
     wanted = max(effort.points, some, LEAST_A_REGION * num_regions)
     return min(int(wanted), effort.most_points)
 
 
 def sample_points(regions: Regions, num: int, *, may_exceed: bool = False) -> tuple[Ints, Array]:
-    """A point in the middle of each region and others on rings, equally far apart.
+    """Samples a point in the middle of each region and others on rings, equally far apart.
 
     The best contacts are often at a region's corners, which the outermost ring includes.
 
@@ -40,10 +49,10 @@ def sample_points(regions: Regions, num: int, *, may_exceed: bool = False) -> tu
         regions: where contacts may be.
         num: about how many points; of more regions only the largest have one.
         may_exceed: whether regions of equal size, which all have a ring or none, may have more
-            points than that where without rings they have far fewer.
+            points than `num` where without rings they have far fewer.
 
     Returns:
-        Region, shape (N,), and coordinates in the face's frame [m], shape (N, 2).
+        Region of each point, shape (N,), and coordinates in the face's frame [m], shape (N, 2).
     """
     filled = np.flatnonzero(~shapely.is_empty(regions.polygon_F))
     largest = np.argsort(-regions.area[filled], kind="stable")[:num]

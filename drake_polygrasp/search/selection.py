@@ -1,8 +1,8 @@
-"""Beyond the paper: what `method="enriched"` does more than the text, each step by a switch.
+"""Beyond the paper: which steps `method="enriched"` takes, and which triples they start from.
 
-The text fixes one plane Pi_p and one triangle for each set of faces; its grasps reach about half
-of the epsilon that is possible. Here its constructions are starts: contacts spread wider on their
-segments, triples of sample points beside them, and all moved while epsilon rises.
+The text fixes one plane Pi_p and one triangle for each set of faces; its grasps reach about half of
+the epsilon that is possible. Here they are starting points, as are wider contacts on the same
+segments and triples of sample points; all are moved while epsilon rises.
 """
 
 from __future__ import annotations
@@ -21,25 +21,28 @@ from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_estimate import epsilon_estimates
 
 PLACES = 4
-"""Triples that are improved on one set of regions at most, ours: the next best are often the same
-place."""
+"""Our choice: greatest number of triples improved on one set of regions; the next best are often at
+nearly the same place."""
 EQUAL = 1e-5
-"""Relative, ours: estimates nearer than this, which have six digits, are a tie."""
+"""Our choice, relative: estimates, which have six digits, are a tie where they differ by less."""
 
 
 def improved_triples(
     regions: Regions, starts: Triples, p_BBcm: Array, rho: float, effort: Effort = FULL
 ) -> Triples:
-    """The best of the triples, improved: all a little, those that lead then to the end.
+    """Improves the best triples, in fewer and fewer rounds the less promising they are.
 
-    A few may not hold any more.
+    A few results may not be force closure any more.
 
     Args:
         regions: where contacts may be.
         starts: any number of triples, all `usable`.
-        p_BBcm: centre of mass [m], shape (3,).
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         effort: how many are improved, and how long.
+
+    Returns:
+        The improved triples.
     """
     estimate = estimates(regions, starts, p_BBcm, rho)
     rows = best_places(starts.region, estimate, effort.starts, PLACES)
@@ -49,35 +52,73 @@ def improved_triples(
 
 
 def usable(regions: Regions, triples: Triples) -> Ints:
-    """Rows that are force closure with all contacts in their regions."""
+    """Finds the triples that are force closure with all contacts in their regions.
+
+    Args:
+        regions: where contacts may be.
+        triples: M triples.
+
+    Returns:
+        Their rows, ascending.
+    """
     rows = np.flatnonzero(_inside(regions, triples))
     triples = triples.take(rows)
     return rows[force_closure(*contacts_on(regions, triples.region, triples.p_BC))]
 
 
 def estimates(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
-    """Of epsilon, shape (M,)."""
+    """Estimates epsilon of triples.
+
+    Args:
+        regions: where the contacts are.
+        triples: M triples.
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+
+    Returns:
+        The estimates, shape (M,).
+    """
     contacts = contacts_on(regions, triples.region, triples.p_BC)
     return epsilon_estimates(*contacts, p_BBcm, rho)
 
 
 def best_places(region: Ints, estimate: Array, num: int, places: int) -> Ints:
-    """Rows of greatest estimate, (M,), some on each set of regions, (M, 3).
+    """Selects the triples of greatest estimate, not too many on one set of regions.
+
+    Args:
+        region: regions of each triple, shape (M, 3).
+        estimate: estimate of each triple's epsilon, shape (M,).
+        num: greatest number of triples in all.
+        places: greatest number on one set.
 
     Returns:
-        Up to `num` rows, best first, at most `places` of them on one set.
+        Rows of the triples, best first.
     """
     rows = best_first(estimate)
     return rows[rank_within_set(set_numbers(region[rows])) < places][:num]
 
 
 def best_first(value: Array) -> Ints:
-    """Rows by falling value; of ties the first comes first."""
+    """Orders rows by falling value; of a tie the first row comes first.
+
+    Args:
+        value: values, shape (M,).
+
+    Returns:
+        Rows, shape (M,).
+    """
     return np.argsort(-rounded_for_ties(value), kind="stable")
 
 
 def rounded_for_ties(value: Array) -> Array:
-    """The values, with those that are a tie made equal."""
+    """Rounds values so that those which are a tie become equal.
+
+    Args:
+        value: values, shape (M,).
+
+    Returns:
+        Rounded values, shape (M,).
+    """
     scale = EQUAL * max(value.max(initial=0.0), np.finfo(float).tiny)
     rounded: Array = scale * np.round(value / scale)
     return rounded

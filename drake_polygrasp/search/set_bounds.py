@@ -1,9 +1,9 @@
-"""Beyond the paper: bounds epsilon over all contacts on a set of faces, to see which are worth it.
+"""Beyond the paper: bounds epsilon over all contacts on a set of faces, to select promising sets.
 
 h_i is convex in the place of contact i (see face_support.py), so on a region it is greatest at a
-corner. Of no three contacts on a set of regions is epsilon more than min_w max_r H_r(w), with r
-the regions of the set and H_r(w) the greatest of h_i(w) at the corners of r. set_cover.py finds the
-triples of regions for which that is greatest, as it does for triples of points.
+corner. No three contacts on a set of regions have an epsilon above min_w max_r H_r(w), where r runs
+over the regions of the set and H_r(w) is the greatest h_i(w) at the corners of r. set_cover.py
+finds the triples of regions with the greatest bound, as it does for triples of points.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from drake_polygrasp.search.triples import (
 )
 
 Opposing: TypeAlias = Callable[[Array, Array], Bools]
-"""Whether the faces of pairs or triples oppose each other, by their normals and friction: the
-pipeline hands the search what the paper says of it."""
+"""Tests whether the faces of pairs or triples oppose each other, from their normals and friction;
+the pipeline passes in the paper's test."""
 
 ROUNDING = 1e-5
-"""Ours: bounds are computed in single precision, and those nearer to each other are a tie."""
+"""Our choice: bounds are computed in single precision, and are a tie where they differ by less."""
 _AT_ONCE = 4096
 """Pairs whose supports are compared at once, some tens of megabytes."""
 
@@ -49,12 +49,12 @@ def promising_sets(
 
     Args:
         regions: the eroded faces A_i.
-        known: some good grasps; bounds are taken in the directions too that these resist least.
-        p_BBcm: centre of mass [m], shape (3,).
+        known: some good grasps; bounds also use the directions that these resist least.
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         above: sets that cannot have a greater epsilon are left out; negative for none.
-        most: how many triples of regions are looked at, and how many sets are returned.
-        opposing: tells the sets of regions that oppose each other.
+        most: greatest number of triples of regions examined, and of sets returned.
+        opposing: tests whether sets of regions oppose each other by orientation.
 
     Returns:
         Regions of each set, ascending, -1 for a pair's third, greatest bound first, shape (M, 3).
@@ -73,13 +73,16 @@ def promising_sets(
 
 
 def region_support(regions: Regions, known: Triples, p_BBcm: Array, rho: float) -> Singles:
-    """Computes the greatest h(w) of a contact on each region, (R, K), in many directions w.
+    """Computes the greatest h(w) of a contact on each region, in many directions w.
 
     Args:
         regions: R regions.
         known: grasps whose weakest directions are among the w.
-        p_BBcm: centre of mass [m], shape (3,).
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
+
+    Returns:
+        h(w), shape (R, K).
     """
     edges = boundary(regions)
     region = np.repeat(np.arange(len(regions.face)), np.diff(edges.offsets))

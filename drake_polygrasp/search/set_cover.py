@@ -1,8 +1,8 @@
-"""Beyond the paper: the three of many points that together reach highest in all directions.
+"""Beyond the paper: the triples among many points that together reach highest in all directions.
 
-A triple beats a threshold only if each direction w is resisted beyond it by one of its points. That
-is a set cover: a bit for each point and direction, and a triple passes when the bits of its points,
-joined, are all ones.
+A triple exceeds a threshold only if in each direction w one of its points does. That is a set
+cover: a bit for each point and direction, and a triple passes when the bits of its points, joined,
+are all ones.
 """
 
 from __future__ import annotations
@@ -17,27 +17,28 @@ from drake_polygrasp.arrays import Array, Bools, Ints, frozen, ranges
 Singles = npt.NDArray[np.float32]
 Words = npt.NDArray[np.uint64]
 ENOUGH = 0.75
-"""Of the triples wanted, ours: for fewer the search is repeated with a lower threshold."""
+"""Our choice: where fewer than this share of the triples wanted are found, the search is repeated
+with a lower threshold."""
 _SAMPLE = 500
-"""Triples that a first threshold is guessed from, ours."""
+"""Our choice: number of triples from which a first threshold is guessed."""
 _BLOCK = 8
 """Times the number wanted: triples collected before the threshold is raised."""
 _AT_ONCE = 400_000
-"""Ours: pairs times points looked at together, some megabytes."""
+"""Our choice: pairs times points examined together, some megabytes."""
 _CACHED = 150_000
 """Numbers gathered at once, which stay in the cache."""
 _ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
 
 
 def best_covering_triples(h: Singles, num: int) -> Ints:
-    """The `num` triples i < j < k of greatest min_w max(h_i, h_j, h_k), greatest first.
+    """Finds the triples i < j < k of greatest min_w max(h_i, h_j, h_k).
 
     Args:
         h: h_i(w) of N points and K directions, shape (N, K).
-        num: how many triples; some may be missing at the end.
+        num: how many triples; some of the last may be missing.
 
     Returns:
-        Shape (at most num, 3).
+        Triples of points, greatest first, shape (at most num, 3).
     """
     for threshold in _thresholds(h, num):
         best = _above(h, threshold, num)
@@ -81,8 +82,8 @@ def _above(h: Singles, threshold: float, num: int) -> Ints:
 class _Covers:
     """Triples i < j < k of points that cover all directions, from what each covers, shape (N, K).
 
-    Of the directions that i leaves, the one that fewest points cover has to be covered by j or k;
-    so has, by the third, the rarest of those that are left then.
+    The search branches on the uncovered direction with the fewest covering points: j or k must
+    cover it. The last point must cover the rarest direction still uncovered.
     """
 
     def __init__(self, above: Bools) -> None:

@@ -1,9 +1,9 @@
-"""Beyond the paper: the best triples of sample points, however many triples there are.
+"""Beyond the paper: the best triples of sample points, found without examining all.
 
-For any directions w, a triple of points resists no more than min_w max_i h_i(w) (see
-face_support.py); set_cover.py finds the triples for which that is greatest. Some hundred
-directions spread over all wrenches tell good triples from bad ones; those that the best of them
-resist least, added in later passes, tell the best ones from each other.
+For any directions w, a triple resists no more than min_w max_i h_i(w) (see face_support.py);
+set_cover.py finds the triples of greatest such bound. Some hundred directions spread over all
+wrenches separate good triples from bad ones; the directions that the best triples resist least,
+added in later passes, separate the best ones from each other.
 """
 
 from __future__ import annotations
@@ -25,26 +25,28 @@ from drake_polygrasp.wrenches.epsilon_bound import FEW_ANGLES, critical_directio
 from drake_polygrasp.wrenches.support import frame_wrenches
 
 MANY_POINTS = 160
-"""Ours: fewer have two passes at most, for the first of three would see too few."""
+"""Our choice: fewer points have two passes at most, because the first of three would see too
+few."""
 SHELLS = (2, 4, 6)
-"""Squared lengths of directions, ours: 312, and 544 more, which are worth it with many points."""
+"""Our choice: squared lengths of directions; the last, 544 beside 312, pays with many points
+only."""
 LEVEL = 1e-9
-"""Ours, times the greatest: what wrenches reach less far than this, they do not reach."""
+"""Our choice, relative to the greatest reach: less counts as no reach of the wrenches."""
 GUIDING_DIGITS = 9
-"""Decimals of directions, ours: they only guide the search, in single precision."""
+"""Our choice: decimals of directions, which only guide the search in single precision."""
 ENOUGH = 0.3
-"""Times what is kept, ours: triples that hold, before passes end."""
+"""Our choice, times what is kept: force-closure triples that end the passes."""
 MOST_PASSES = 5
-"""Ours, where fewer hold, as on scans and on flat objects that lie on a table."""
+"""Our choice, for objects with few such triples, as scans and flat objects on a table."""
 
 
 @dataclass(frozen=True, eq=False)
 class Triples(Batch):
-    """Three contacts a row.
+    """Three contacts on regions in each row.
 
     Attributes:
-        region: shape (M, 3).
-        p_BC: [m], shape (M, 3, 3).
+        region: region of each contact, shape (M, 3).
+        p_BC: contact points expressed in B [m], shape (M, 3, 3).
     """
 
     region: Ints
@@ -61,18 +63,19 @@ def best_triples(
     rho: float,
     effort: Effort = FULL,
 ) -> Triples:
-    """The triples of sample points that all directions met bound least.
+    """Finds the triples of sample points with the greatest bound of epsilon.
 
     Args:
         regions: where contacts may be; polygons may be empty or have several parts.
-        points: where they are tried, as of `sample_points`.
-        p_BBcm: centre of mass [m], shape (3,).
+        points: region of each sample point, shape (N,), and its coordinates in the face's frame
+            [m], shape (N, 2).
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
-        effort: how long is searched.
+        effort: how much is searched.
 
     Returns:
-        Triples that are force closure, at most as many as points or `effort.kept` from each pass,
-        those of the last one first.
+        Force-closure triples, from each pass at most as many as points or `effort.kept`, those of
+        the last pass first.
     """
     region, p_FC = points
     if len(region) < 3:
@@ -102,11 +105,17 @@ def best_triples(
 
 
 def spread_directions(cones: Array, shells: tuple[int, ...] = SHELLS) -> Array:
-    """Unit directions spread over all wrenches as those of the cones (N, 3, 6) are, shape (K, 6).
+    """Computes unit directions spread over all wrenches as the wrenches of contacts are.
 
-    They are even where the cones' wrenches reach equally far in all directions. Where they do not,
-    as the torques about a rod's axis, there are more directions that they reach less far in: the
-    critical ones.
+    They are even where these wrenches reach equally far in all directions. Where they do not, as
+    torques about a rod's axis, more directions are near those of less reach, the critical ones.
+
+    Args:
+        cones: wrenches that span the cones of N contacts, from `cones_at`, shape (N, 3, 6).
+        shells: squared lengths of the lattice vectors used.
+
+    Returns:
+        Unit directions, shape (K, 6).
     """
     wrenches = cones.reshape(-1, 6)
     square, axes = np.linalg.eigh(times(wrenches.T, wrenches))
@@ -128,17 +137,17 @@ def _even_directions(shells: tuple[int, ...]) -> Array:
 
 
 def cones_at(regions: Regions, region: Ints, p_BC: Array, p_BBcm: Array, rho: float) -> Array:
-    """`frame_wrenches` of points of regions: each the inward normal and two tangents mu long.
+    """Computes the wrenches of the inward normal and of two tangents mu long at points of regions.
 
     Args:
         regions: where the contacts are.
-        region: the region of each, shape (N,).
-        p_BC: [m], shape (N, 3).
-        p_BBcm: centre of mass [m], shape (3,).
+        region: region of each point, shape (N,).
+        p_BC: points expressed in B [m], shape (N, 3).
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
 
     Returns:
-        Shape (N, 3, 6).
+        Wrenches, shape (N, 3, 6).
     """
     return frame_wrenches(_frames(regions)[region], (p_BC - p_BBcm) / rho, regions.mu[region])
 
@@ -150,9 +159,14 @@ def _frames(regions: Regions) -> Array:
 
 
 def cone_support(cones: Array, w: Array) -> Singles:
-    """h_i(w) of the contacts of cones (N, 3, 6) in directions (K, 6), shape (N, K).
+    """Computes h_i(w) of contacts in single precision, which suffices to guide the search.
 
-    In single precision, for it only guides the search and there is much of it.
+    Args:
+        cones: wrenches from `cones_at`, shape (N, 3, 6).
+        w: directions, shape (K, 6).
+
+    Returns:
+        h_i(w), shape (N, K).
     """
     rows, columns = cones.astype(np.float32), np.ascontiguousarray(w.T, dtype=np.float32)
     n, t_1, t_2 = np.einsum("ncd,dk->cnk", rows, columns)
@@ -161,7 +175,17 @@ def cone_support(cones: Array, w: Array) -> Singles:
 
 
 def weakest_directions(regions: Regions, triples: Triples, p_BBcm: Array, rho: float) -> Array:
-    """The unit w that each of M triples resists least, some each, shape (K, 6)."""
+    """Computes the directions that triples resist least, some for each.
+
+    Args:
+        regions: where the contacts are.
+        triples: M triples.
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+
+    Returns:
+        Unit directions, shape (K, 6).
+    """
     contacts = contacts_on(regions, triples.region, triples.p_BC)
     w, _ = critical_directions(*contacts, p_BBcm, rho, num_angles=FEW_ANGLES, rotations=True)
     return w.reshape(-1, 6)
