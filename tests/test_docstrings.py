@@ -14,7 +14,6 @@ import drake_polygrasp
 
 PACKAGE = Path(drake_polygrasp.__file__).parent
 WAITING = {
-    "optimality",
     "pipeline",
     "plant",
 }

@@ -1,4 +1,4 @@
-"""How near a plan is to the best grasp there is.
+"""How near a plan's best grasp is to the optimum.
 
 | file | what it holds |
 |---|---|

@@ -1,8 +1,8 @@
-"""Beyond the paper: how near to the best grasp there is, by branch and bound over places.
+"""Beyond the paper: an upper bound of epsilon over all contacts, by branch and bound.
 
-The faces are cut into triangles, and triples of triangles into smaller ones, the most promising
-first, until no triple could hold a grasp much better than the best known one. Whenever that
-stops, no contacts on these regions have a greater epsilon than the greatest bound that is left.
+Faces are cut into triangles, and triples of triangles are halved, the most promising first, until
+no triple can contain a grasp much better than the best known one. Whenever this stops, no contacts
+on the regions have an epsilon above the greatest bound that is left.
 """
 
 from __future__ import annotations
@@ -23,28 +23,29 @@ from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions, epsilon_upper_bound
 
 TOLERANCE = 0.01
-"""Relative, ours: triples that could hold only a grasp better by less are not cut further."""
+"""Our choice, relative: triples that cannot improve epsilon by more are not halved further."""
 BATCH = 256
-"""Triples that are halved at a time, ours."""
+"""Our choice: number of triples halved at a time."""
 MOST_CELLS = 600
-"""Ours: 4e7 triples, some tens of seconds; of more triangles only the whole is bounded."""
+"""Our choice: so many triangles make 4e7 triples and take some tens of seconds; of more triangles
+only all together are bounded."""
 MOST_OPEN = 100_000
-"""Triples that are kept at most, ours: half a kilobyte each."""
+"""Our choice: greatest number of triples kept, half a kilobyte each."""
 _WORTH = 1e-3
-"""Relative, ours: a grasp is better when it is by more than this."""
+"""Our choice, relative: a grasp counts as better when its epsilon is greater by more than this."""
 _ROUNDS = (1,) * 8
-"""Of improvement for every new best grasp, ours."""
+"""Our choice: rounds of improvement for every new best grasp."""
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """What no grasp on the regions exceeds.
+    """An upper bound of epsilon over all grasps on the regions.
 
     Attributes:
         bound: epsilon of any three contacts is at most this.
-        nodes: triples of triangles that were bounded.
-        complete: whether none is left that could hold a grasp better by more than `TOLERANCE`.
-        best: the best grasp met on the way, one row or none.
+        nodes: number of triples of triangles bounded.
+        complete: whether no triple is left that could improve epsilon by more than `TOLERANCE`.
+        best: the best grasp found on the way, one row or none.
     """
 
     bound: float
@@ -63,18 +64,21 @@ def bound_optimum(
     roomy: Regions | None = None,
     progress: Progress = no_progress,
 ) -> Optimum:
-    """An upper bound of epsilon over all places of three contacts.
+    """Bounds epsilon from above over all places of three contacts on the regions.
 
     Args:
         regions: where contacts may be.
-        p_BBcm: centre of mass [m], shape (3,).
+        p_BBcm: centre of mass from Bo, expressed in B [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         known: good grasps, best first, whose weakest directions the bounds start from.
-        incumbent: epsilon of the best of them; a wrong one cannot make the bound wrong.
-        nodes: how many triples of triangles to bound at most.
-        roomy: the regions less where fingertips have no room, in which to look for grasps
-            better than those known.
-        progress: called with the triples bounded so far, and `nodes`.
+        incumbent: epsilon of the best of them; a wrong value cannot make the bound wrong.
+        nodes: greatest number of triples of triangles to bound.
+        roomy: the regions without the parts where fingertips have no room, in which better grasps
+            than those known are looked for; None for all of the regions.
+        progress: called with the number of triples bounded so far, and `nodes`.
+
+    Returns:
+        The bound, and the best grasp found on the way.
     """
     roomy = roomy or regions
     best, goal = known.take(np.arange(0)), (1 + TOLERANCE) * incumbent
@@ -99,7 +103,7 @@ def bound_optimum(
 
 
 def _directions(regions: Regions, known: Triples, p_BBcm: Array, rho: float) -> Array:
-    """Pure forces and torques, and what known grasps resist least, unit, shape (K, 6)."""
+    """Returns pure forces, pure torques and what known grasps resist least, unit, shape (K, 6)."""
     axes = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)]) - 1.0
     axes = np.concatenate([axes, -regions.nhat_TB_B])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -114,7 +118,7 @@ def _directions(regions: Regions, known: Triples, p_BBcm: Array, rho: float) -> 
 def _roots(
     regions: Regions, p_BBcm: Array, rho: float, w: Array, goal: float
 ) -> tuple[CellTriples, float]:
-    """The triples of the faces' triangles that may hold better grasps, and a bound of the rest."""
+    """Lists the triples of the faces' triangles that may hold better grasps; bounds the rest."""
     triangles = shapely.constrained_delaunay_triangles(regions.polygon_F)
     parts, region = shapely.get_parts(triangles, return_index=True)
     p_FV = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
@@ -148,10 +152,10 @@ def _roots(
 
 
 def _halved(cells: CellTriples) -> CellTriples:
-    """Each triple twice, its longest edge cut in the middle.
+    """Halves each triple of cells at the middle of its longest edge.
 
-    Of two contacts in one cell a, at least one is in its half a_1, and is called the first, or
-    both are in a_2: the triples (a_1, a) and (a_2, a_2).
+    Where two contacts share a cell a, at least one is in its half a_1, and is called the first, or
+    both are in a_2: then the halves are the triples (a_1, a) and (a_2, a_2).
     """
     r, row = cells.r_CmV, np.arange(len(cells.bound))
     edge = np.linalg.norm(np.roll(r, -1, axis=2) - r, axis=-1)
@@ -174,7 +178,7 @@ def _halved(cells: CellTriples) -> CellTriples:
 
 
 def _greatest(cells: CellTriples, goal: float) -> tuple[CellTriples, float]:
-    """The triples of bounds above the goal, no more than fit, and the greatest of the others."""
+    """Keeps triples with a bound above the goal, as many as fit, and bounds the others."""
     rows = np.flatnonzero(cells.bound > goal)
     rows = rows[np.argsort(-cells.bound[rows], kind="stable")][:MOST_OPEN]
     others = np.delete(cells.bound, rows)
@@ -184,7 +188,7 @@ def _greatest(cells: CellTriples, goal: float) -> tuple[CellTriples, float]:
 def _improved(
     regions: Regions, region: Ints, p_BC: Array, p_BBcm: Array, rho: float
 ) -> tuple[Triples, float]:
-    """A grasp, one row, moved while its epsilon rises; none where a contact is off its region."""
+    """Moves the contacts of one grasp to raise epsilon; none where one is off its region."""
     p_FC = points_in_faces(regions, region, p_BC)
     if not shapely.intersects_xy(regions.polygon_F[region], p_FC[..., 0], p_FC[..., 1]).all():
         return NO_TRIPLES, 0.0

@@ -1,19 +1,19 @@
 """Beyond the paper: bounds of epsilon that hold wherever contacts lie in three triangular cells.
 
-epsilon is the least h(w) over unit w (see face_support.py), and h_i is convex in contact i's
-place, so over a cell it is greatest at a corner. Two bounds follow for a triple of cells:
+epsilon is the least h(w) over unit w (see face_support.py), and h_i is convex in the place of
+contact i, so over a cell it is greatest at a corner. Two bounds follow for a triple of cells:
 
-- One direction: h(w) <= max over cells and corners of h_i(w), the support function of the nine
-  discs at the corners; a descent looks for the w in which it is least. The error falls with the
-  size of the cells.
+- One direction: h(w) is at most the greatest h_i(w) over cells and corners, which is the support
+  function of the nine discs at the corners. A descent looks for the w at which it is least. The
+  error is proportional to the size of the cells.
 - Directions that turn with the contacts: w(c) = w_0 + B (c - c_0), with w_0 . B = 0 so that
-  |w(c)| >= 1. Then epsilon <= h(w(c); c), and the velocity at contact i is linear in each of the
-  three places, but for B_i (c_i - c_i0) x (c_i - c_i0), which is off its interpolation between the
-  corners by a third of its value along an edge at most. So h(w(c); c) <= sum_m lambda_m F_m, F_m
-  its values at the 27 triples of corners and that remainder, lambda the weights that interpolate
-  c. The same lambda serve all directions; any weights nu of directions give the bound
-  max_m sum_k nu_k F_km, and a matrix game finds the best. With B chosen to keep the three h_i
-  equal the error falls with the square of the size.
+  |w(c)| >= 1. Then epsilon <= h(w(c); c). The velocity at contact i is linear in each of the three
+  places but for the term B_i (c_i - c_i0) x (c_i - c_i0), which differs from its interpolation
+  between the corners by at most a third of its value along an edge. So h(w(c); c) <=
+  sum_m lambda_m F_m, where F_m are its values at the 27 triples of corners plus that remainder,
+  and lambda are the weights that interpolate c. The same lambda serve all directions, so any
+  weights nu of directions give the bound max_m sum_k nu_k F_km, and a matrix game finds the best
+  nu. With B chosen to keep the three h_i equal, the error is quadratic in the size of the cells.
 
 Positions are relative to the centre of mass and divided by rho, so a direction is a twist.
 """
@@ -32,29 +32,30 @@ from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
 KEPT = 12
-"""Directions that a cell's halves start from, ours."""
+"""Our choice: number of directions that the halves of a cell start from."""
 TURNING = 8
-"""Directions that turn with the contacts, ours."""
+"""Our choice: number of directions that turn with the contacts."""
 STARTS = 4
-"""Directions that the descent starts from, and twice as many drawn ones, ours."""
+"""Our choice: known directions that the descent starts from; twice as many are drawn at random."""
 _DRAWN = np.random.default_rng(0).normal(size=(128, 6))
 _STEPS = np.geomspace(0.3, 0.003, 20)
 _SOFTNESS = np.geomspace(0.5, 0.003, 20)
 _CORNERS = np.indices((3, 3, 3)).reshape(3, 27)
 _GAME_STEPS = 12
-"""Ours: further ones lower bounds by less than a thousandth."""
+"""Our choice: further steps lower bounds by less than a thousandth."""
 _TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class CellTriples(Batch):
-    """Three triangular cells a row, each on a region, and what is known of the grasps in them.
+    """Triples of triangular cells on regions, one a row, and what is known of the grasps in them.
 
     Attributes:
-        region: shape (N, 3).
-        r_CmV: corners from the centre of mass, over rho, expressed in B, shape (N, 3 cells, 3, 3).
-        bound: epsilon is nowhere more, shape (N,).
-        w: directions that bound well, shape (N, KEPT, 6).
+        region: region of each cell, shape (N, 3).
+        r_CmV: corners from the centre of mass, divided by rho, expressed in B, shape (N, 3 cells,
+            3 corners, 3).
+        bound: upper bound of epsilon of all grasps in the triple, shape (N,).
+        w: unit directions that give low bounds, shape (N, KEPT, 6).
     """
 
     region: Ints
@@ -64,22 +65,27 @@ class CellTriples(Batch):
 
     @property
     def middle(self) -> Array:
-        """The cells' centroids as `r_CmV`, shape (N, 3, 3)."""
+        """The cells' centroids, as `r_CmV`, shape (N, 3, 3)."""
         centroid: Array = self.r_CmV.mean(axis=2)
         return centroid
 
 
 def bounded(regions: Regions, cells: CellTriples, threshold: float) -> tuple[CellTriples, Array]:
-    """The cells with their bounds lowered, as far as the threshold.
+    """Lowers the bounds of triples of cells, no further than needed to fall below a threshold.
+
+    Args:
+        regions: where the cells lie.
+        cells: N triples of cells.
+        threshold: bounds at or below this are not lowered further.
 
     Returns:
-        The cells, and an upper estimate of epsilon of contacts in their middles, close to it,
-        shape (N,).
+        The triples with their new bounds, and a close upper estimate of epsilon of contacts in the
+        middles of the cells, 0 where these are not force closure, shape (N,).
     """
     contacts = contacts_on(regions, cells.region, cells.middle)
     critical, estimate = critical_directions(*contacts, np.zeros(3), 1.0, TURNING)
     estimate = np.where(force_closure(*contacts), estimate, 0.0)
-    discs = corner_discs(regions, cells)
+    discs = _corner_discs(regions, cells)
     w = np.concatenate([cells.w, critical], axis=1)
     h = _highest(discs, w)
     bound = np.minimum(cells.bound, h.min(axis=1))
@@ -103,8 +109,8 @@ def bounded(regions: Regions, cells: CellTriples, threshold: float) -> tuple[Cel
     return CellTriples(cells.region, cells.r_CmV, np.maximum(bound, 0.0), kept), estimate
 
 
-def corner_discs(regions: Regions, cells: CellTriples) -> Array:
-    """Wrenches of nhat, mu t_1, mu t_2 at the nine corners, shape (N, 9, 3, 6)."""
+def _corner_discs(regions: Regions, cells: CellTriples) -> Array:
+    """Computes the wrenches of nhat, mu t_1 and mu t_2 at the nine corners, shape (N, 9, 3, 6)."""
     R_BF, mu = regions.R_BF[cells.region], regions.mu[cells.region][..., None]
     force = np.stack([-R_BF[..., 2], mu * R_BF[..., 0], mu * R_BF[..., 1]], axis=2)
     torque = cross(cells.r_CmV[:, :, :, None], force[:, :, None])
@@ -120,7 +126,7 @@ def _rows(discs: Array, w: Array) -> Array:
 
 
 def _highest(discs: Array, w: Array) -> Array:
-    """h(w) of the hull of discs (N, D, 3, 6), of directions (N, K, 6), shape (N, K)."""
+    """Computes h(w) of the hull of discs (N, D, 3, 6) in directions (N, K, 6), shape (N, K)."""
     rows = _rows(discs, w)
     h: Array = (rows[..., 0] + np.hypot(rows[..., 1], rows[..., 2])).max(axis=-1)
     return h
@@ -132,7 +138,7 @@ def _least(w: Array, h: Array, num: int) -> Array:
 
 
 def _moment(discs: Array) -> Array:
-    """The second moment of the discs' wrenches, in whose metric their hull is about round."""
+    """Computes the second moment of the discs' wrenches, a metric in which their hull is round."""
     moment = np.einsum("nari,narj,r->nij", discs, discs, (1.0, 0.5, 0.5), optimize=True)
     floor = 1e-9 * np.trace(moment, axis1=1, axis2=2)
     whole: Array = moment + floor[:, None, None] * np.eye(6)
@@ -140,7 +146,7 @@ def _moment(discs: Array) -> Array:
 
 
 def _starts(discs: Array, w: Array, h: Array) -> Array:
-    """The best of directions w and of others drawn evenly in the hull's metric."""
+    """Selects the best of directions w and of others drawn evenly in the hull's metric."""
     drawn = _DRAWN @ np.linalg.inv(np.linalg.cholesky(_moment(discs)))
     drawn /= np.linalg.norm(drawn, axis=-1, keepdims=True)
     others = _least(drawn, _highest(discs, drawn), 2 * STARTS)
@@ -148,7 +154,7 @@ def _starts(discs: Array, w: Array, h: Array) -> Array:
 
 
 def _descended(discs: Array, w: Array) -> Array:
-    """Unit directions of lower h(w), by steps along its gradient, more and more sharply seen."""
+    """Descends from directions w along gradients of h that is smoothed less and less."""
     moment = _moment(discs)
     inverse = np.linalg.inv(moment)
     flat = discs.reshape(len(discs), 3 * discs.shape[1], 6)
@@ -184,18 +190,19 @@ def _descended(discs: Array, w: Array) -> Array:
 
 
 def turning(regions: Regions, cells: CellTriples, w: Array) -> Array:
-    """How directions should turn so that, as contacts move, their h_i stay equal and level.
+    """Computes how directions should turn so that, as contacts move, the three h_i stay equal.
 
-    Of least squares in the change of: the differences of the h_i; the tangential velocity at each
-    contact, above all where it is about zero, for there h_i has a kink.
+    A least-squares problem weighs the changes of the differences of the h_i, and of the tangential
+    velocity at each contact, above all where it is nearly zero, because h_i has a kink there.
 
     Args:
         regions: where the cells lie.
-        cells: N rows.
+        cells: N triples of cells.
         w: unit directions, shape (N, K, 6).
 
     Returns:
-        B, shape (N, K, 6, 3 contacts, 3), with w . B = 0.
+        B, the derivative of w by the contacts' places, shape (N, K, 6, 3 contacts, 3), with
+        w . B = 0.
     """
     N, K = w.shape[:2]
     r_0 = cells.middle[:, None]
@@ -230,13 +237,16 @@ def turning(regions: Regions, cells: CellTriples, w: Array) -> Array:
 
 
 def corner_values(regions: Regions, cells: CellTriples, w: Array, B: Array | None) -> Array:
-    """F of N rows of cells and K directions at the 27 triples of corners, shape (N, K, 27).
+    """Computes F, upper bounds of h at the 27 triples of corners with the remainder of turning.
 
     Args:
         regions: where the cells lie.
-        cells: N rows.
-        w: unit directions in the cells' middles, shape (N, K, 6).
-        B: from `turning`; None where directions stay.
+        cells: N triples of cells.
+        w: unit directions at the middles of the cells, shape (N, K, 6).
+        B: derivative of w from `turning`; None for directions that do not turn.
+
+    Returns:
+        F, shape (N, K, 27).
     """
     nhat, mu = regions.nhat_TB_B[cells.region], regions.mu[cells.region]
     w = w[:, :, None]
@@ -262,15 +272,16 @@ def corner_values(regions: Regions, cells: CellTriples, w: Array, B: Array | Non
 
 
 def game_bound(F: Array) -> Array:
-    """About the least of max_m sum_k nu_k F_km over weights nu, and never less.
+    """Bounds the value of matrix games from above: min over weights nu of max_m sum_k nu_k F_km.
 
-    By an interior-point method; every step has weights, so however far it gets the bound holds.
+    An interior-point method approaches the minimum. Every step has valid weights, so the result is
+    a bound however far it gets.
 
     Args:
-        F: shape (N, K, M).
+        F: values of K directions at M triples of corners, shape (N, K, M).
 
     Returns:
-        Shape (N,).
+        The bounds, shape (N,).
     """
     N, K, _ = F.shape
     lowest = F.min(axis=(1, 2), keepdims=True)

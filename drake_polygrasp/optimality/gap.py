@@ -20,19 +20,19 @@ from drake_polygrasp.search.fingertip_room import with_tip_room
 from drake_polygrasp.search.triples import Triples
 
 NODES = 100_000
-"""About a minute, ours."""
+"""Our choice: about a minute."""
 RELATIVE_GAP = 1e-3
-"""Of the interval of epsilon that the bound is compared with, ours."""
+"""Our choice: relative width of the interval of epsilon that the bound is compared with."""
 
 
 @dataclass(frozen=True, eq=False)
 class BetterGrasp:
-    """Contacts that hold better than any grasp of a plan: proved, and with room for fingertips.
+    """A grasp of greater epsilon than any of a plan's: proved, and with room for fingertips.
 
     Attributes:
         faces: faces of its contacts, ascending.
-        p_BC: [m], shape (3, 3).
-        epsilon: a lower bound.
+        p_BC: contact points expressed in B [m], shape (3, 3).
+        epsilon: a lower bound of its epsilon.
     """
 
     faces: tuple[int, int, int]
@@ -42,15 +42,15 @@ class BetterGrasp:
 
 @dataclass(frozen=True, eq=False)
 class OptimalityGap:
-    """An upper bound of what is possible, and how far a plan is below it.
+    """An upper bound of epsilon over all grasps, and how far a plan is below it.
 
     Attributes:
         epsilon_bound: no three contacts on the plan's regions have a greater epsilon.
-        epsilon: a lower bound of that of the plan's best grasp, 0 without any.
-        rank: which grasp of the plan that is, from 1; 0 without any.
-        nodes: triples of pieces of faces that were bounded.
-        complete: whether the search ended by itself: more nodes would not lower the bound.
-        better: met on the way; not among the plan's grasps.
+        epsilon: a lower bound of epsilon of the plan's best grasp, 0 where there is none.
+        rank: rank of that grasp in the plan, from 1; 0 where there is none.
+        nodes: number of triples of pieces of faces bounded.
+        complete: whether the search ended by itself, so that more nodes would not lower the bound.
+        better: a better grasp found on the way, which is not in the plan; None where none was.
     """
 
     epsilon_bound: float
@@ -62,7 +62,7 @@ class OptimalityGap:
 
     @property
     def relative_gap(self) -> float | None:
-        """How much greater than the plan's best the bound is, over the best; None without one."""
+        """Share by which the bound exceeds the plan's best epsilon; None without a grasp."""
         return self.epsilon_bound / self.epsilon - 1.0 if self.epsilon else None
 
 
@@ -75,20 +75,23 @@ def epsilon_gap(
 ) -> OptimalityGap:
     """Bounds epsilon over all contacts that keep the plan's distance from edges.
 
-    The bound also holds where fingertips must have room, of which it takes no account: room, like
-    obstacles, only makes the best possible grasp worse. It holds but for rounding errors, and for
-    faces of a mesh that are flat to `FLATNESS` as if they were planes.
+    The bound ignores fingertips and obstacles; as these only exclude grasps, it holds with them
+    too. It is computed in floating point, and takes as planes faces of a mesh that are flat to
+    `FLATNESS`.
 
     Args:
-        object_: what the plan is for.
-        plan: from `plan_grasps`.
-        nodes: how many triples of pieces of faces to bound at most; the same number, the same
-            answer.
-        progress: called with how many were bounded so far, and `nodes`.
+        object_: the object that was planned for.
+        plan: its plan, from `plan_grasps`.
+        nodes: greatest number of triples of pieces of faces to bound; the same number gives the
+            same result.
+        progress: called with the number bounded so far, and `nodes`.
+
+    Returns:
+        The bound, how far the plan's best grasp is below it, and a better grasp if one was found.
 
     Raises:
         UsageError: when nodes is less than 1, or the body has patches of a curved or noisy
-            surface: contacts of these leave the planes that the bound is for.
+            surface, whose contacts leave the planes that the bound is for.
     """
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     check_instance("plan", plan, GraspPlan, "as plan_grasps returns it")
@@ -115,7 +118,14 @@ def epsilon_gap(
 
 
 def require_planar(object_: GraspObject) -> None:
-    """Raises UsageError when the body has patches of a curved or noisy surface."""
+    """Checks that the body has planar faces only.
+
+    Args:
+        object_: the object to grasp.
+
+    Raises:
+        UsageError: when the body has patches of a curved or noisy surface.
+    """
     if object_.polyhedron.is_patch.any():
         raise UsageError(
             "the bound of epsilon is for planar faces, and this body has patches of a curved or "
@@ -133,7 +143,10 @@ def _regions(object_: GraspObject, plan: GraspPlan) -> Regions:
 
 
 def _known(regions: Regions, plan: GraspPlan) -> Triples:
-    """The plan's grasps; of a face of several regions, on the first, for they share its plane."""
+    """Returns the plan's grasps, each contact on the first region of its face.
+
+    Regions of one face share its plane, and that is all that is used.
+    """
     faces = np.array([certified.grasp.faces for certified in plan.grasps], dtype=np.int64)
     p_BC = np.array([certified.grasp.p_BC for certified in plan.grasps])
     region: Ints = np.searchsorted(regions.face, faces.reshape(-1, 3))
@@ -143,7 +156,7 @@ def _known(regions: Regions, plan: GraspPlan) -> Triples:
 def _better(
     object_: GraspObject, regions: Regions, optimum: Optimum, epsilon: float, tip_radius: float
 ) -> BetterGrasp | None:
-    """The best grasp that was met, if it is one and better."""
+    """Returns the best grasp found on the way, if it is proved, has room, and is better."""
     for region, p_BC in zip(optimum.best.region, optimum.best.p_BC, strict=True):
         contacts = p_BC, regions.nhat_TB_B[region], regions.mu[region]
         lower = epsilon_interval(*contacts, object_.p_BBcm, object_.rho).lower

@@ -58,7 +58,7 @@ DENSE = Effort(
     kept=600,
     rounds=FULL.rounds,
 )
-"""Where `FULL` finds fewer grasps than wanted."""
+"""Used where `FULL` finds fewer grasps than wanted."""
 QUICK = Effort(
     points=70,
     most_points=120,
