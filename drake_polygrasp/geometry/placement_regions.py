@@ -89,7 +89,7 @@ def placement_region(
     elif on.primitive is not None:
         region = _on_solid(polyhedron, on.primitive, around)
     else:
-        region = _on_facets(polyhedron, around)
+        region = _on_facets(polyhedron, around, on.mu)
     if not region.pieces:
         return region
     corners = np.concatenate([piece.p_BV for piece in region.pieces])
@@ -169,16 +169,26 @@ def _on_solid(polyhedron: Polyhedron, solid: Primitive, around: _Around) -> Plac
     return PlacementRegion(pieces)
 
 
-def _on_facets(polyhedron: Polyhedron, around: _Around) -> PlacementRegion:
-    """Returns the region around a contact on facets, or on a face that lacks the disc."""
-    triangles = polyhedron.own_triangles_B
+def _on_facets(polyhedron: Polyhedron, around: _Around, mu: float) -> PlacementRegion:
+    """Returns the region around a contact on facets, or on a face that lacks the disc.
+
+    The friction coefficient of all its facets must be at least the contact's `mu`.
+    """
+    triangles, face = polyhedron.own_triangles_B, polyhedron.own_triangle_face
     for solid in polyhedron.primitives:
-        triangles = triangles[~_stand_for(solid, triangles, around.tolerance)]
+        others = ~_stand_for(solid, triangles, around.tolerance)
+        triangles, face = triangles[others], face[others]
+    # Facets of no face may be of any part.
+    friction = np.append(polyhedron.mu, polyhedron.mu.min())[face]
     seen = visible_facets(around.seen(triangles), around.window, polyhedron.diameter)
     for fails, reason in (
         (seen.is_blocked, "a wall of the body is in the fingertip's path"),
         (seen.hole < around.radius - around.tolerance, "the fingertip may miss the body"),
         (seen.has_step, "the surface has a step where the fingertip may land"),
+        (
+            (friction[seen.triangle] < mu).any(),
+            "a part with less friction may be where the fingertip lands",
+        ),
     ):
         if fails:
             return PlacementRegion((), reason)

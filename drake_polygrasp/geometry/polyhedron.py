@@ -89,6 +89,11 @@ class Polyhedron:
         """The body's own triangles [m], shape (N, 3, 3)."""
         return self.triangles_B if self.own is None else frozen(self.triangles_B[self.own])
 
+    @cached_property
+    def own_triangle_face(self) -> Ints:
+        """`triangle_face` of the body's own triangles, shape (N,)."""
+        return self.triangle_face if self.own is None else frozen(self.triangle_face[self.own], int)
+
     @property
     def covers_B(self) -> Array:
         """The triangles of other bodies that cover the body [m], shape (K, 3, 3)."""

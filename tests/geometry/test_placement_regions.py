@@ -353,6 +353,23 @@ def test_other_bodies_and_curved_parts_leave_no_region() -> None:
         assert not placement_region(polyhedron, near, nhat, face, 0.005).pieces
 
 
+def test_a_region_has_no_part_of_less_friction_than_its_contact() -> None:
+    """Two boxes with flush tops, coefficients 0.5 and 0.2: contacts 1 mm beside the seam."""
+    box = prism(shapely.box(0, 0, 0.04, 0.04), 0.04)
+    pair = build_polyhedron([Part(box, 0.5), Part(box + np.array([0.04, 0.0, 0.0]), 0.2)])
+    down = np.array([0.0, 0.0, -1.0])
+    for x, radius, reason in (
+        (0.039, 0.0005, ""),
+        (0.039, 0.002, "a part with less friction may be where the fingertip lands"),
+        (0.041, 0.002, ""),
+    ):
+        rough = [k for k, face in enumerate(pair.faces) if face.nhat_TB_B @ down > 0.99]
+        face = next(k for k in rough if pair.faces[k].mu == (0.5 if x < 0.04 else 0.2))
+        region = placement_region(pair, np.array([x, 0.02, 0.04]), down, face, radius)
+        assert region.reason == reason
+        assert bool(region.pieces) == (not reason)
+
+
 def test_default_errors_are_a_fiftieth_of_the_diameter_or_half_of_a_narrow_faces_inradius() -> None:
     bar = object_of(build_polyhedron([Part(prism(shapely.box(0, 0, 0.004, 0.1), 0.05), 0.3)]))
     L = float(np.linalg.norm([0.004, 0.1, 0.05]))
