@@ -7,6 +7,7 @@ The best grasp of each object (default: our models) is planned in several ways:
 
     default    as the planner does it unasked
     clearance  with contacts at least as far from edges as fingertips may miss
+    errors     for the errors that are drawn: so far from edges, with the friction that is left
 
 In each trial every fingertip is displaced in the plane of its contact, uniformly in a disc, comes
 along the nominal normal and touches what it first meets; the normal there is tilted, uniformly in a
@@ -48,7 +49,7 @@ from tests.support.solids import solid
 
 FRICTIONS = (0.3, 0.5, 0.2, 0.8)
 SHARE_OF_L, TILT, FRICTION, COM = 0.02, 0.0873, 0.2, 0.05
-PLANS = ("default", "clearance")
+PLANS = ("default", "clearance", "errors")
 WORST = 3
 _ROW = "{:<34}{:>6}{:>8}  {:<10}{:>8}{:>8}{:>10}{:>9}{:>9}"
 HEADER = _ROW.format("object", "faces", "r [mm]", "plan", "P", "off", "planned", "mean", "5 %")
@@ -100,7 +101,15 @@ class Result:
 
 def _options(plan: str, errors: Errors) -> dict[str, Any]:
     """What `plan_grasps` is asked for."""
-    return {"edge_clearance": float(errors.placement.max())} if plan == "clearance" else {}
+    placement = float(errors.placement.max())
+    if plan == "errors":
+        return {
+            "placement_error": placement,
+            "tilt_error": errors.tilt,
+            "friction_error": errors.friction,
+            "com_error": errors.com,
+        }
+    return {"edge_clearance": placement} if plan == "clearance" else {}
 
 
 def surface_of(object_: GraspObject) -> Surface:
