@@ -218,7 +218,7 @@ def turning(regions: Regions, cells: CellTriples, w: Array) -> Array:
 
     axes = np.moveaxis(regions.R_BF[cells.region][:, None, :, :, :2], -1, 0)
     axes = axes * (mu * size / (speed + size + _TINY))[..., None]
-    # What a force at a contact has to say on a change of w, and of the contact.
+    # Derivatives of a force's power at a contact by w and by the contact's place.
     forces = [force, *axes]
     by_w = [np.concatenate([f, cross(np.broadcast_to(r_0, shape), f)], axis=-1) for f in forces]
     by_c = [cross(f, omega) for f in forces]
@@ -297,7 +297,7 @@ def game_bound(F: Array) -> Array:
         scaled = A * slack[:, None]
         system[:, :K, :K] = scaled @ scaled.transpose(0, 2, 1)
         system[:, diagonal, diagonal] += 1.0 / nu**2
-        # Columns nearly equal leave the system singular but for rounding.
+        # Nearly equal columns make the system singular.
         system[:, diagonal, diagonal] *= 1.0 + 1e-9
         system[:, :K, K] = system[:, K, :K] = -(scaled @ slack[..., None])[..., 0]
         system[:, K, K] = (slack * slack).sum(axis=1)

@@ -1,9 +1,9 @@
 """Section 6: the quality Q of a set of faces, equations 5 to 10.
 
 The text divides distances and areas by their maxima over all valid sets, so Q of a set depends on
-the other sets: it is 0 for a lone set and for every set of a symmetric object, and one outlier
-flattens q_2. With `scale="object"` they are divided by rho and rho^2 instead, which selects as well
-and needs no second pass over the sets.
+the other sets: it is 0 for a lone set off the centre of mass and for sets all equally far from it,
+and one outlier flattens q_2. With `scale="object"` they are divided by rho and rho^2 instead, which
+selects as well and needs no second pass over the sets.
 """
 
 from __future__ import annotations

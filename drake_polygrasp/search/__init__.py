@@ -12,6 +12,6 @@ This room does not import the paper: the pipeline passes in what the search need
 | every_set.py | triples of sample points on each of many sets of faces |
 | set_bounds.py | bounds of epsilon over all contacts on a set of faces |
 | local_improvement.py | contacts that move within their regions while epsilon rises |
-| selection.py | which steps are taken, and which triples they start from |
+| selection.py | which triples are improved, and in what order they are preferred |
 | fingertip_room.py | the parts of regions where fingertips have room |
 """

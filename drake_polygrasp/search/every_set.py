@@ -46,7 +46,7 @@ def triples_on_each_set(
         return NO_TRIPLES
     p_BC, found = points_on(regions, region, p_FC), NO_TRIPLES
     j, k = np.triu_indices(len(region), 1)
-    # Later pairs than i, the last of all, for some i at a time.
+    # Pairs j < k after i, for some i at a time.
     for first in range(0, len(region), max(1, _AT_ONCE // len(j))):
         i = np.arange(first, min(first + max(1, _AT_ONCE // len(j)), len(region)))
         row, pair = np.nonzero(j > i[:, None])

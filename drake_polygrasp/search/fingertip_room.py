@@ -51,7 +51,7 @@ def with_tip_room(
     """
     L = polyhedron.diameter
     if tip_radius > 0 and not polyhedron.is_convex:
-        # The facets of a patch rise from its plane and are its face all the same.
+        # The facets of a patch rise from its plane, but belong to it.
         reach = 2 * np.array([face.reach for face in polyhedron.faces])[regions.face]
         lowest = np.maximum(_FLAT * L, reach)
         regions = _beside(regions, polyhedron.triangles_B, lowest, tip_radius)

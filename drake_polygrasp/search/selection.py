@@ -1,4 +1,4 @@
-"""Beyond the paper: which steps `method="enriched"` takes, and which triples they start from.
+"""Beyond the paper: which triples are improved, and in what order triples are preferred.
 
 The text fixes one plane Pi_p and one triangle for each set of faces; its grasps reach about half of
 the epsilon that is possible. Here they are starting points, as are wider contacts on the same

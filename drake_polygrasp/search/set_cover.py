@@ -89,12 +89,12 @@ class _Covers:
     def __init__(self, above: Bools) -> None:
         N, K = above.shape
         rarest_first = np.argsort(above.sum(axis=0), kind="stable")
-        # Directions that all points cover fill the last word; the very last stands for none.
+        # Directions that all points cover pad the last word; the last one means none is left.
         num_words = K // 64 + 1
         covered = np.ones((64 * num_words, N), dtype=bool)
         covered[:K] = above.T[rarest_first]
         self._words = _words(covered)
-        # Like directions are covered by like points: a word of unlike ones says more.
+        # Similar directions are covered by the same points: words of dissimilar ones reject more.
         self._mixed = _words(covered.reshape(64, num_words, N).swapaxes(0, 1).reshape(-1, N))
         self._num_points = N
         self._covering = np.flatnonzero(covered)

@@ -120,7 +120,7 @@ def spread_directions(cones: Array, shells: tuple[int, ...] = SHELLS) -> Array:
     wrenches = cones.reshape(-1, 6)
     square, axes = np.linalg.eigh(times(wrenches.T, wrenches))
     reach = np.sqrt(np.maximum(square, LEVEL**2 * square[-1]))
-    # The symmetric root, which does not depend on which axes are chosen where several would do.
+    # The symmetric root does not depend on the choice of axes where eigenvalues are equal.
     directions = unit(times(times(_even_directions(shells), axes / reach), axes.T))
     # Eigenvectors come from LAPACK, whose last bits depend on the processor.
     return np.asarray(np.round(directions, GUIDING_DIGITS))
