@@ -86,7 +86,7 @@ def check_contacts(p: Vectors, n: Vectors, mu: Sequence[float]) -> Check:
 
     Args:
         p: contact points [m], three lists of three numbers, in any frame.
-        n: unit normals into the object, likewise.
+        n: unit normals into the object, in the same form and frame.
         mu: three friction coefficients.
 
     Returns:
@@ -105,7 +105,7 @@ def check_force_closure(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence
 
     Args:
         p: contact points [m], three lists of three numbers, in any frame.
-        n: unit normals into the object, likewise.
+        n: unit normals into the object, in the same form and frame.
         mu: three friction coefficients.
         x: the internal force x_12, x_13, x_23 [1/m].
 
@@ -125,7 +125,7 @@ def attained_margin(p: Vectors, n: Vectors, mu: Sequence[float], x: Sequence[flo
 
     Args:
         p: contact points [m], three lists of three numbers, in any frame.
-        n: unit normals into the object, likewise.
+        n: unit normals into the object, in the same form and frame.
         mu: three friction coefficients.
         x: the internal force x_12, x_13, x_23 [1/m].
 
@@ -148,7 +148,7 @@ def check_and_margin(
 
     Args:
         p: contact points [m], three lists of three numbers, in any frame.
-        n: unit normals into the object, likewise.
+        n: unit normals into the object, in the same form and frame.
         mu: three friction coefficients.
         x: the internal force x_12, x_13, x_23 [1/m].
 
@@ -170,7 +170,7 @@ def check_escaping_twist(
 
     Args:
         p: contact points [m], three lists of three numbers, measured from the origin Bo.
-        n: unit normals into the object, likewise.
+        n: unit normals into the object, in the same form and frame.
         mu: three friction coefficients.
         v: velocity of Bo [m/s].
         omega: angular velocity [rad/s], in the same frame.
@@ -203,7 +203,7 @@ def check_escaping_hinge(
 
     Args:
         p: contact points [m], three lists of three numbers, in any frame.
-        n: unit normals into the object, likewise.
+        n: unit normals into the object, in the same form and frame.
         mu: three friction coefficients.
         hinge: two different indices, 0 to 2; the angular velocity points from the first contact to
             the second.

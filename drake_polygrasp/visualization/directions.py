@@ -47,8 +47,8 @@ def draw_directions(ax: Axes, trace: SetTrace) -> None:
         ax.annotate(f"$n_{i + 1}$", at, ((6, 7), (-17, 7), (6, -14))[i], textcoords="offset points")
     ax.plot(0, 0, "+", color=INK, markersize=9, label="$d$", linestyle="none")
     ax.set(xlim=(-100, 100), ylim=(-118, 100))
-    says = "all forces have a part along $d$: they cannot cancel"
-    ax.text(0, -112, says, ha="center", color=INK)
+    text = "all forces have a part along $d$: they cannot cancel"
+    ax.text(0, -112, text, ha="center", color=INK)
     ax.legend(loc="upper left", frameon=False, fontsize=9, edgecolor=OBJECT)
 
 

@@ -206,9 +206,9 @@ def _draw_pi_p(
     prepare(ax, r"$\Pi_p$ (6, 7): $a_i$, $P$, $L_i$ and contacts", shapes)
     if object_ is not None:
         ax.add_collection(LineCollection(list(MM * lines), colors=OBJECT, label="object"))
-    for said, hatch in (("fingertip", ""), ("no room for it", "xxxxx")):
+    for name, hatch in (("fingertip", ""), ("no room for it", "xxxxx")):
         discs = shapely.MultiPolygon([disc for disc, fits in tips if fits == (not hatch)])
-        fill(ax, discs, said, facecolor="none", edgecolor=INK, hatch=hatch)
+        fill(ax, discs, name, facecolor="none", edgecolor=INK, hatch=hatch)
     fill(ax, plane.region_p, facecolor=PLANE, alpha=0.3, edgecolor=PLANE, label="$P$")
     reach = reach_of(shapes)
     concurrent = not np.allclose(plane.directions, plane.directions[0])
