@@ -14,7 +14,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.contact_regions import RegionPiece
-from drake_polygrasp.certification.exact import narrowed_friction
+from drake_polygrasp.certification.exact import MAX_TILT, narrowed_friction
 from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.certification.simplex_cycle import (
     encloses,
@@ -43,7 +43,7 @@ from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
 RELATIVE_GAP = 0.02
 """Our choice: how far apart the bounds may stay, over the upper one."""
-_FIRST_GAP = 0.05
+_FIRST_GAPS = (0.05, 0.01)
 """Our choice: how near to its support the first hull comes, over the bound at the middles."""
 _MOST_CRITICAL = 12
 _DIGITS = 9
@@ -51,7 +51,7 @@ _DIGITS = 9
 _STEEPEST, _HAIR = 1e9, 1e-14
 """Our choice: the tangent of a right angle; and what sines and cosines are off, relative."""
 _FIRST_TURNS = np.array([0.3, 1.9, 3.4, 5.0])
-_MOST_FIRST, _MOST_INSERTIONS = 16, 30
+_MOST_FIRST, _MOST_INSERTIONS = 40, 30
 """Our choice: generators that are added at most to the first hull, and to its facets."""
 _ROUNDING = 1e-12
 """A height is a sum of six products below 2 (1 + mu), each off by a few times 2^-53 of that: this
@@ -138,39 +138,92 @@ def region_epsilon(
     Returns:
         The bounds with their proof, rounded to the safe side.
     """
+    errors = tilt_error, friction_error
+    is_within = 0.0 <= tilt_error <= MAX_TILT and 0.0 <= friction_error < 1.0
     left = [
-        [narrowed_friction(m, tilt_error, friction_error, piece.tan_spread) for piece in region]
+        narrowed_friction(m, *errors, piece.tan_spread) if is_within else 0
         for m, region in zip(mu.tolist(), regions, strict=True)
+        for piece in region
     ]
-    narrowed = np.array([float(m) for region in left for m in region]) * (1.0 - _HAIR)
-    contacts = _ranging(regions, np.maximum(narrowed, 0.0), tilt_error, p_BBcm, rho)
-    generators = SweptGenerators(contacts)
-    start = _critical(contacts)
-    hull = _first_facets(generators)
-    is_around = bool(narrowed.min() > 0.0) and encloses(generators.middle, hull[0])
+    narrowed = np.maximum(np.array(left, dtype=float) * (1.0 - _HAIR), 0.0)
+    contacts = _ranging(regions, narrowed, tilt_error if is_within else MAX_TILT, p_BBcm, rho)
     least = (1.0 - friction_error) * mu[contacts.contact]
-    possible = placeable(regions, least.tolist(), p_BBcm, rho)
-    served = placeable(regions, contacts.mu.tolist(), p_BBcm, rho)
-    found: list[FacetProof | None] = [None, None]
-    uppers = []
-    for k in range(2 if mass else 1):
-        norm = LoadNorm(com_error / rho, forces_only=k == 1)
-        facets = swept_facets(generators, *hull, norm)
-        if is_around:
-            ceiling = _Ceiling(generators, served, norm)
-            ceiling.lowered(start)
-            facets = raised(
-                generators, facets, norm, ceiling.lowered, relative_gap, _MOST_INSERTIONS
-            )
-            found[k] = _proved(generators, facets, norm, float(mu.max()))
-            hull = facets.simplices, facets.twists
-        worst = WorstPlacement(possible, tilt_error, norm)
-        uppers.append(worst.lowered(np.concatenate([start, lowest_twists(facets)])))
-    epsilon, weight = found
+    task = _Task(
+        contacts,
+        _critical(contacts),
+        placeable(regions, least.tolist(), p_BBcm, rho),
+        placeable(regions, narrowed.tolist(), p_BBcm, rho),
+        tilt_error,
+        relative_gap,
+    )
+    norms = [LoadNorm(com_error / rho, forces_only) for forces_only in (False, True)]
+    for gap in _FIRST_GAPS:
+        outcome = _attempt(task, norms if mass else norms[:1], gap)
+        if not outcome.is_open:
+            break
+    epsilon, weight = outcome.proofs[0], outcome.proofs[1] if mass else None
     lower = epsilon.bound if epsilon else 0.0
     squeeze = at_least(mass * GRAVITY / weight.bound) if mass and weight else None
-    proof = RegionProof(frozen(generators.contact, int), frozen(generators.force), epsilon, weight)
-    return RegionEpsilon(lower, at_least(max(uppers[0], lower, 0.0)), squeeze, proof)
+    made = outcome.generators
+    proof = RegionProof(frozen(made.contact, int), frozen(made.force), epsilon, weight)
+    return RegionEpsilon(lower, at_least(max(outcome.upper, lower, 0.0)), squeeze, proof)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What is bounded.
+
+    Attributes:
+        contacts: where they range.
+        start: twists along which little is withstood, shape (K, 6).
+        possible: where contacts may be, with the friction that they may have.
+        served: the same, with the friction that is left for forces that serve all tilts.
+        tilt_error: of the normals in `possible` [rad].
+        relative_gap: how far apart the bounds may stay.
+    """
+
+    contacts: RangingContacts
+    start: Array
+    possible: list[Placeable]
+    served: list[Placeable]
+    tilt_error: float
+    relative_gap: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    """Proofs in each norm, the upper bound in the first, and whether a finer hull may do better."""
+
+    generators: SweptGenerators
+    proofs: list[FacetProof | None]
+    upper: float
+    is_open: bool
+
+
+def _attempt(task: _Task, norms: Sequence[LoadNorm], gap: float) -> _Outcome:
+    """Proves what facets of a hull prove that is within a gap of its support."""
+    generators = SweptGenerators(task.contacts)
+    simplices, w = _first_facets(generators, gap)
+    is_around = bool(task.contacts.mu.min() > 0.0) and encloses(generators.middle, simplices)
+    proofs: list[FacetProof | None] = []
+    uppers, is_open = [], False
+    for norm in norms:
+        facets, tried = swept_facets(generators, simplices, w, norm), [task.start]
+        proof = None
+        if is_around:
+            ceiling = _Ceiling(generators, task.served, norm)
+            ceiling.lowered(task.start)
+            facets = raised(
+                generators, facets, norm, ceiling.lowered, task.relative_gap, _MOST_INSERTIONS
+            )
+            proof = _proved(generators, facets, norm)
+            simplices, w = facets.simplices, facets.twists
+            is_open |= proof is None and ceiling.bound > 0.0
+            tried.append(ceiling.w[None])
+        proofs.append(proof)
+        worst = WorstPlacement(task.possible, task.tilt_error, norm)
+        uppers.append(worst.lowered(np.concatenate([*tried, lowest_twists(facets)])))
+    return _Outcome(generators, proofs, uppers[0], is_open)
 
 
 def _ranging(
@@ -209,7 +262,7 @@ def _critical(contacts: RangingContacts) -> Array:
     return np.asarray(np.round(critical[0], _DIGITS))
 
 
-def _first_facets(generators: SweptGenerators) -> tuple[Ints, Array]:
+def _first_facets(generators: SweptGenerators, gap: float) -> tuple[Ints, Array]:
     """The facets of a hull, as simplices and twists; none where the generators are flat."""
     generators.add_rims(_FIRST_TURNS)
     first = first_hull(generators.middle)
@@ -222,37 +275,41 @@ def _first_facets(generators: SweptGenerators) -> tuple[Ints, Array]:
     for _ in range(_MOST_FIRST):
         w, offset = hull.twists()
         lowest = int(np.round(offset, _DIGITS).argmin())
-        contact, force, most = generators.best_forces(w[lowest])
-        if most <= max(offset[lowest] * (1.0 + _FIRST_GAP), 0.0):
-            break
+        contact, force, _ = generators.best_forces(w[lowest])
         generators.add(np.array([contact]), force[None])
+        reached = float((generators.middle[-1] * w[lowest]).sum())
+        if reached <= max(float(offset[lowest]) * (1.0 + gap), 0.0):
+            break
         hull = with_point(hull, generators.middle, len(generators) - 1)
     return hull.simplices, hull.twists()[0]
 
 
 class _Ceiling:
-    """What generators may prove at most, by the twists that were tried."""
+    """What forces that serve all tilts may prove at most, by the twists that were tried."""
 
     def __init__(
-        self, generators: SweptGenerators, groups: Sequence[Placeable], norm: LoadNorm
+        self, generators: SweptGenerators, served: Sequence[Placeable], norm: LoadNorm
     ) -> None:
         self._generators, self._norm = generators, norm
-        self._worst, self._bound = WorstPlacement(groups, 0.0, norm), math.inf
+        self._worst, self.bound = WorstPlacement(served, 0.0, norm), math.inf
+
+    @property
+    def w(self) -> Array:
+        """The twist along which they prove least."""
+        return self._worst.w
 
     def lowered(self, w: Array) -> float:
-        """The least bound with more twists, of forces that serve all tilts."""
+        """The least bound with more twists."""
         before = self._worst.bound
         if self._worst.lowered(w) < before:
-            w = self._worst.w
-            _, _, most = self._generators.best_forces(w)
-            self._bound = min(self._bound, most / float(self._norm.of(w[None])[0]))
-        return self._bound
+            _, _, most = self._generators.best_forces(self.w)
+            self.bound = min(self.bound, most / float(self._norm.of(self.w[None])[0]))
+        return self.bound
 
 
-def _proved(
-    generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm, mu: float
-) -> FacetProof | None:
+def _proved(generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm) -> FacetProof | None:
     """What facets prove, less rounding errors; None where that is nothing."""
+    mu = float(generators.contacts.mu.max())
     heights = generators.heights(facets.twists, facets.simplices).min(axis=1)
     least = float(((heights - _ROUNDING * (1.0 + mu)) / norm.of(facets.twists)).min())
     around = is_closed(facets.simplices) and encloses(generators.middle, facets.simplices)

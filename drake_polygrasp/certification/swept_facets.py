@@ -30,12 +30,14 @@ _SOFT, _STIFFER, _STIFF = 3.0, 30.0, 1e5
 """Our choice: the penalty at first, its factor where Newton's method is near, and the greatest."""
 _MOST_STEPS, _SEARCHES = 24, 6
 """Our choice: steps of Newton's method, and of its line searches; a median facet needs 5."""
-_NEAR = 1e-2
+_NEAR = 1e-3
 """Our choice, relative: a step of Newton's method that is less is near."""
 _OLD_GAIN = 0.7
 """Our choice: a generator that is there already is taken if it gains this share of the best."""
 _DIGITS, _TIE = 9, 11
 """Our choice: decimals of twists, and of values that are compared: less is rounding."""
+_PATIENCE = 8
+"""Our choice: after so many insertions that raised nothing the others are given up."""
 _LEAST_GOAL = 1e-3
 """Our choice: values are raised at least towards this."""
 _TRIED = 16
@@ -231,7 +233,7 @@ def raised(
         The best surface that was met.
     """
     fresh = np.ones(len(facets.values), dtype=bool)
-    best, tried = facets, set[int]()
+    best, last, tried = facets, 0, set[int]()
     bound = upper(lowest_twists(facets))
     for count in range(most_insertions + 1):
         low = np.asarray(fresh & (facets.values < max(bound * (1.0 - tolerance), _LEAST_GOAL)))
@@ -243,8 +245,8 @@ def raised(
         bound = upper(lowest_twists(facets))
         least = values.min()
         if least > best.values.min() or count == 0:
-            best = facets
-        enough = least >= (1.0 - tolerance) * bound or bound <= 0.0
+            best, last = facets, count
+        enough = least >= (1.0 - tolerance) * bound or bound <= 0.0 or count - last >= _PATIENCE
         if enough or count == most_insertions or len(generators) >= MOST_POINTS:
             break
         key = int(simplex_keys(facets.simplices[worst, None])[0])
