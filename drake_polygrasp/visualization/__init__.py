@@ -10,6 +10,7 @@
 | plane_axes.py | shapes, lines and marks of those figures (needs matplotlib) |
 | sketch.py | a still 3-D picture of a grasp (needs matplotlib) |
 | palette.py | the colours that scenes and figures share |
+| marks.py | single meshes, shapes, cones, arrows and pieces of a surface in a Meshcat |
 | labels.py | face numbers as flat shapes |
 | meshes.py | triangles and edges of faces, to be drawn |
 """

@@ -10,14 +10,21 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Shape, Sphere
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.geometry import Cylinder, Meshcat, Rgba, Sphere
+from pydrake.math import RotationMatrix
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.files.stated_grasp import StatedGrasp
 from drake_polygrasp.geometry.polyhedron import Face, surface_vertices
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.visualization.labels import label_F
+from drake_polygrasp.visualization.marks import (
+    draw_arrow,
+    draw_cone,
+    draw_pieces,
+    set_mesh,
+    set_shape,
+)
 from drake_polygrasp.visualization.meshes import (
     face_edges,
     face_triangles,
@@ -36,8 +43,6 @@ _TIP, _MARK, _CONE, _LABEL = 0.02, 0.012, 0.14, 0.06
 """Our choice, over L: radii of fingertips and points, side of cones, height of numbers."""
 _LIFT = 1e-3
 """Our choice: distance of marks from the face that they lie on, over L; at 0 the two flicker."""
-_MANY = 2000
-"""Our choice: meshes of more triangles share vertices, which keeps pages small but rounds edges."""
 
 _NOWHERE = np.empty((0, 3))
 
@@ -62,16 +67,16 @@ def draw_object(
     L, faces = object_.polyhedron.diameter, object_.polyhedron.faces
     path = f"{path}/object"
     meshcat.Delete(path)
-    _set_mesh(meshcat, f"{path}/faces", surface_triangles(object_.polyhedron), OBJECT, 0.35)
+    set_mesh(meshcat, f"{path}/faces", surface_triangles(object_.polyhedron), OBJECT, 0.35)
     if object_.polyhedron.is_covered:
-        _set_mesh(meshcat, f"{path}/links_on_joints", object_.polyhedron.covers_B, COVER, 0.35)
+        set_mesh(meshcat, f"{path}/links_on_joints", object_.polyhedron.covers_B, COVER, 0.35)
     flat = [face for face in faces if face.reach == 0]
     ends = face_edges(flat)
     if len(ends):
         meshcat.SetLineSegments(f"{path}/edges", ends[:, 0].T, ends[:, 1].T, 1.5, Rgba(*rgb(INK)))
     for k in numbered_faces(object_.polyhedron):
         _draw_number(meshcat, f"{path}/numbers/{k}", faces[k], k, L, keep_clear_B)
-    _set_shape(meshcat, f"{path}/centre_of_mass", Sphere(_MARK * L), INK, 1.0, object_.p_BBcm)
+    set_shape(meshcat, f"{path}/centre_of_mass", Sphere(_MARK * L), INK, 1.0, object_.p_BBcm)
 
 
 def draw_grasp(
@@ -86,7 +91,8 @@ def draw_grasp(
 
     In the colours of contacts 1, 2 and 3: their faces, fingertips and friction cones, and the
     internal force as arrows, `FORCE_SCALE` L long for the total normal force. Dark discs show how
-    far contacts may be misplaced. The grasp plane and the contact triangle have one colour.
+    far contacts may be misplaced; where errors are proved to be borne, outlines around the contacts
+    show the surface that they may touch. The grasp plane and the contact triangle have one colour.
 
     Args:
         meshcat: Meshcat to draw in; nothing outside `path` is changed.
@@ -108,20 +114,22 @@ def draw_grasp(
         if k not in tinted and k < len(object_.polyhedron.faces):
             tinted.add(k)
             face = object_.polyhedron.faces[k]
-            _set_mesh(meshcat, f"{here}/face", face_triangles(face, _LIFT * L), colour, 0.45)
+            set_mesh(meshcat, f"{here}/face", face_triangles(face, _LIFT * L), colour, 0.45)
             if k not in numbered:
                 _draw_number(meshcat, f"{here}/number", face, k, L, contacts.p_BC)
         tip = _TIP * L if tip_radius is None else tip_radius
         sphere, p_BT = Sphere(tip or _MARK * L), p_BC - tip * nhat_B
-        _set_shape(meshcat, f"{here}/fingertip", sphere, colour, 0.75, p_BT)
+        set_shape(meshcat, f"{here}/fingertip", sphere, colour, 0.75, p_BT)
         # Fingertips are drawn last, so that the discs show through them.
         meshcat.SetProperty(f"{here}/fingertip/<object>", "renderOrder", 2.0)
-        _draw_cone(meshcat, f"{here}/friction_cone", p_BC, nhat_B, mu, _CONE * L, colour)
-        _draw_arrow(meshcat, f"{here}/force", p_BC, FORCE_SCALE * L * f_Bc_B[i], 0.007 * L, colour)
+        draw_cone(meshcat, f"{here}/friction_cone", p_BC, nhat_B, mu, _CONE * L, colour)
+        draw_arrow(meshcat, f"{here}/force", p_BC, FORCE_SCALE * L * f_Bc_B[i], 0.007 * L, colour)
+        if (region := grasp.region) is not None:
+            draw_pieces(meshcat, f"{here}/region", region.pieces[i], 3 * _LIFT * L, colour)
         if tolerance := certificate.placement_tolerance:
             disc = Cylinder(tolerance, 2 * _LIFT * L)
             p_BD = p_BC - 2 * _LIFT * L * nhat_B
-            _set_shape(meshcat, f"{here}/placement", disc, INK, 0.6, p_BD, nhat_B)
+            set_shape(meshcat, f"{here}/placement", disc, INK, 0.6, p_BD, nhat_B)
     _draw_plane(meshcat, f"{path}/plane", object_, contacts.grasp_plane.nhat_B, contacts.p_BC)
     _draw_triangle(meshcat, f"{path}/triangle", contacts.p_BC, L)
 
@@ -245,80 +253,7 @@ def _draw_number(
     """Draws the number of a face, visible from outside only."""
     label = label_F(face, k, _LABEL * L, keep_clear_B)
     triangles = shape_triangles(face, label, face.reach + 2 * _LIFT * L)
-    _set_mesh(meshcat, path, triangles, INK, 1.0, Meshcat.SideOfFaceToRender.kFrontSide)
-
-
-def _set_mesh(
-    meshcat: Meshcat,
-    path: str,
-    triangles: Array,
-    colour: str,
-    opacity: float,
-    side: Meshcat.SideOfFaceToRender = Meshcat.SideOfFaceToRender.kDoubleSide,
-) -> None:
-    p_BV = triangles.reshape(-1, 3)
-    vertex = np.arange(len(p_BV))
-    if len(triangles) > _MANY:
-        p_BV, vertex = np.unique(p_BV, axis=0, return_inverse=True)
-    index = vertex.reshape(-1, 3)
-    meshcat.SetTriangleMesh(path, p_BV.T, index.T, Rgba(*rgb(colour), opacity), side=side)
-    _let_through(meshcat, path, opacity)
-
-
-def _set_shape(
-    meshcat: Meshcat,
-    path: str,
-    shape: Shape,
-    colour: str,
-    opacity: float,
-    p_BS: Array,
-    zhat_B: Array | None = None,
-) -> None:
-    """Draws a shape at p_BS [m] with its z axis along zhat_B."""
-    meshcat.SetObject(path, shape, Rgba(*rgb(colour), opacity))
-    _let_through(meshcat, path, opacity)
-    # By default Meshcat draws by distance, and meshes, whose vertices are in B, count as at Bo.
-    meshcat.SetProperty(f"{path}/<object>", "renderOrder", 1.0)
-    meshcat.SetTransform(path, _pose(p_BS, zhat_B))
-
-
-def _let_through(meshcat: Meshcat, path: str, opacity: float) -> None:
-    """Allows parts behind a translucent one to be drawn after it."""
-    if opacity < 1:
-        meshcat.SetProperty(f"{path}/<object>", "material.depthWrite", False)
-
-
-def _pose(p_BS: Array, zhat_B: Array | None) -> RigidTransform:
-    R_BS = RotationMatrix() if zhat_B is None else RotationMatrix.MakeFromOneVector(zhat_B, 2)
-    return RigidTransform(R_BS, p_BS)
-
-
-def _draw_cone(
-    meshcat: Meshcat, path: str, p_BC: Array, nhat_B: Array, mu: float, side: float, colour: str
-) -> None:
-    """Draws a friction cone, with sides of one length for any friction."""
-    height = side / np.hypot(1.0, mu)
-    cone = MeshcatCone(height, mu * height, mu * height)
-    _set_shape(meshcat, path, cone, colour, 0.3, p_BC, nhat_B)
-
-
-def _draw_arrow(
-    meshcat: Meshcat, path: str, p_BA: Array, v_B: Array, radius: float, colour: str
-) -> None:
-    """Draws an arrow from p_BA [m] along v_B [m]; a short one is only a head."""
-    length = float(np.linalg.norm(v_B))
-    if length == 0:
-        return
-    zhat_B = v_B / length
-    head = min(6 * radius, length)
-    wide = 0.4 * head
-    # Meshcat's cone has its apex at the origin and opens along +z.
-    cone = MeshcatCone(head, wide, wide)
-    _set_shape(meshcat, f"{path}/head", cone, colour, 1.0, p_BA + v_B, -zhat_B)
-    if length > head:
-        shaft = Cylinder(radius, length - head)
-        middle = p_BA + (length - head) / 2 * zhat_B
-        _set_shape(meshcat, f"{path}/shaft", shaft, colour, 1.0, middle, zhat_B)
+    set_mesh(meshcat, path, triangles, INK, 1.0, Meshcat.SideOfFaceToRender.kFrontSide)
 
 
 def _draw_plane(
@@ -332,17 +267,17 @@ def _draw_plane(
     hull = shapely.set_precision(shapely.convex_hull(shapely.multipoints(xy)), 1e-9 * L)
     around = shapely.buffer(shapely.oriented_envelope(hull), 0.06 * L, join_style="mitre")
     corners = p_BC[0] + shapely.get_coordinates(around)[:4] @ axes.T
-    _set_mesh(meshcat, f"{path}/area", corners[[[0, 1, 2], [0, 2, 3]]], PLANE, 0.2)
+    set_mesh(meshcat, f"{path}/area", corners[[[0, 1, 2], [0, 2, 3]]], PLANE, 0.2)
     border = np.roll(corners, -1, axis=0)
     meshcat.SetLineSegments(f"{path}/border", corners.T, border.T, 1.5, Rgba(*rgb(PLANE)))
 
 
 def _draw_triangle(meshcat: Meshcat, path: str, p_BC: Array, L: float) -> None:
-    _set_mesh(meshcat, f"{path}/area", p_BC[None], PLANE, 0.5)
+    set_mesh(meshcat, f"{path}/area", p_BC[None], PLANE, 0.5)
     for i, (p_BA, p_BE) in enumerate(zip(p_BC, np.roll(p_BC, -1, axis=0), strict=True)):
         side = p_BE - p_BA
         length = float(np.linalg.norm(side))
         rod = Cylinder(0.003 * L, length)
-        _set_shape(
+        set_shape(
             meshcat, f"{path}/side_{i + 1}", rod, PLANE, 1.0, (p_BA + p_BE) / 2, side / length
         )
