@@ -10,7 +10,12 @@ from pydrake.geometry.optimization import VPolytope
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
-from drake_polygrasp.files.stated_grasp import StatedGrasp
+from drake_polygrasp.certification.region_epsilon import (
+    RELATIVE_GAP,
+    RegionEpsilon,
+    region_epsilon,
+)
+from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
 from drake_polygrasp.geometry.placement_regions import placement_region
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.surface_contact import LocatedContacts
@@ -20,6 +25,12 @@ from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.vectors import cross, dot, times
 
+GAPS = (RELATIVE_GAP, RELATIVE_GAP / 2)
+"""Our choice: where usual bounds do not bear a number out, closer ones may."""
+ROUNDING = 1e-6
+"""Our choice, relative: what processors change in bounds of six digits."""
+UPPER_SLACK = 0.1
+"""Our choice, relative: upper bounds are of the worst placement that a search finds."""
 Pieces = tuple[tuple[SurfacePiece, ...], ...]
 
 
@@ -60,6 +71,56 @@ def check_region(region: RegionCertificate, pieces: Pieces, mu: Array) -> exact.
     corners = [[(s.p_BV.tolist(), s.nhat_TB_B.tolist(), s.tan_spread) for s in c] for c in pieces]
     errors = region.tilt_error, region.friction_error
     return exact.check_region(corners, mu.tolist(), region.internal_force.tolist(), *errors)
+
+
+def region_number_violations(stated: StatedGrasp, object_: StatedObject) -> list[str]:
+    """Finds the bounds under errors that are stated more favourably than they are recomputed.
+
+    Args:
+        stated: a grasp whose region is proved, or without a region.
+        object_: its object, whose mass, centre of mass and rho count.
+
+    Returns:
+        One message for each violated claim.
+    """
+    region = stated.region
+    if region is None or (region.epsilon_lower, region.epsilon_upper, region.squeeze_force) == (
+        *(None, None, None),
+    ):
+        return []
+    violations: list[str] = []
+    for relative_gap in GAPS:
+        found = region_epsilon(
+            region.pieces,
+            stated.grasp.mu,
+            object_.p_BBcm,
+            object_.rho,
+            tilt_error=region.tilt_error,
+            friction_error=region.friction_error,
+            com_error=region.com_error,
+            mass=object_.mass,
+            relative_gap=relative_gap,
+        )
+        violations = list(_bound_violations(region, found))
+        if not violations:
+            break
+    return violations
+
+
+def _bound_violations(region: RegionCertificate, found: RegionEpsilon) -> Iterator[str]:
+    lower, upper, squeeze = region.epsilon_lower, region.epsilon_upper, region.squeeze_force
+    if lower is not None and not lower <= found.epsilon_lower * (1 + ROUNDING):
+        yield f"region.epsilon_lower is {lower:.6g}, more than the {found.epsilon_lower:.6g} found"
+    if upper is not None and not upper >= found.epsilon_lower * (1 - ROUNDING):
+        yield f"region.epsilon_upper is {upper:.6g}, less than the {found.epsilon_lower:.6g} found"
+    if upper is not None and not upper <= found.epsilon_upper * (1 + UPPER_SLACK) + ROUNDING:
+        yield f"region.epsilon_upper is {upper:.6g}, more than the {found.epsilon_upper:.6g} found"
+    if squeeze is not None and found.squeeze_force is None:
+        yield f"region.squeeze_force is {squeeze:.6g}, and none is found that holds the weight"
+    elif squeeze is not None and not squeeze >= (least := found.squeeze_force or 0.0) * (
+        1 - ROUNDING
+    ):
+        yield f"region.squeeze_force is {squeeze:.6g}, less than the {least:.6g} found"
 
 
 def region_surface_violations(

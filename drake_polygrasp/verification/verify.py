@@ -38,7 +38,11 @@ from drake_polygrasp.verification.numbers import (
     force_violations,
     number_violations,
 )
-from drake_polygrasp.verification.region import region_surface_violations, region_violations
+from drake_polygrasp.verification.region import (
+    region_number_violations,
+    region_surface_violations,
+    region_violations,
+)
 from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
 
 if TYPE_CHECKING:
@@ -282,7 +286,10 @@ def _surface_violations(
 def _check_numbers(
     stated: StatedGrasp, object_: StatedObject, clearance: float | None
 ) -> CheckResult:
-    line = _line(Status.RECOMPUTED, number_violations(stated, object_, clearance))
+    violations = chain(
+        number_violations(stated, object_, clearance), region_number_violations(stated, object_)
+    )
+    line = _line(Status.RECOMPUTED, violations)
     if line.status is Status.RECOMPUTED and clearance is None:
         return CheckResult(line.status, "placement_tolerance is not held against the faces' edges")
     return line
