@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         GraspObject,
         PlantRecord,
         PlantVerdict,
+        RegionCertificate,
     )
     from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.loading.plant_object import object_from_plant
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.pipeline.explain import Explanation, explain_sets
     from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
     from drake_polygrasp.pipeline.plant_ranking import rank_in_plant
+    from drake_polygrasp.pipeline.region_certificates import certify_region
     from drake_polygrasp.plant.certify_in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.plant.grasp_forces import GraspForces
     from drake_polygrasp.settings import PlanSettings
@@ -76,11 +78,13 @@ __all__ = [
     "PlantReport",
     "PlantVerdict",
     "PolygraspError",
+    "RegionCertificate",
     "Surroundings",
     "UsageError",
     "VerificationReport",
     "__version__",
     "certify_in_plant",
+    "certify_region",
     "contact_poses",
     "epsilon_gap",
     "explain_sets",
@@ -105,7 +109,7 @@ _HOMES = {
     "geometry.obstacles": ("Obstacles",),
     "grasp": (
         *("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
-        *("PlantRecord", "PlantVerdict"),
+        *("PlantRecord", "PlantVerdict", "RegionCertificate"),
     ),
     "loading.object_model": ("load_object",),
     "loading.plant_object": ("object_from_plant",),
@@ -115,6 +119,7 @@ _HOMES = {
     "pipeline.explain": ("Explanation", "explain_sets"),
     "pipeline.plan": ("GraspPlan", "plan_grasps"),
     "pipeline.plant_ranking": ("rank_in_plant",),
+    "pipeline.region_certificates": ("certify_region",),
     "plant.certify_in_plant": ("PlantReport", "certify_in_plant"),
     "plant.grasp_forces": ("GraspForces",),
     "settings": ("PlanSettings",),

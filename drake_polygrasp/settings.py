@@ -39,6 +39,7 @@ EffortName = Literal["full", "quick", "complete"]
 Directions: TypeAlias = tuple[tuple[float, float, float], ...]
 MAX_TILT_ERROR = 1.5
 """Our choice [rad]: the greatest tilt that may be asked for; no usual friction is left of it."""
+ERROR_NAMES = ("placement_error", "tilt_error", "friction_error", "com_error")
 TIP_RADIUS = 0.02
 """Our choice: the default fingertip radius over the object's diameter L."""
 
@@ -111,16 +112,9 @@ class PlanOptions:
         for name in ("edge_clearance", "tip_radius"):
             if (length := getattr(self, name)) is not None:
                 self._keep(name, check_length(name, length))
-        for name in ("placement_error", "com_error"):
-            self._keep(name, check_length(name, getattr(self, name)))
-        demand = f"an angle in radians, from 0 to {MAX_TILT_ERROR}"
-        tilt = check_number("tilt_error", self.tilt_error, demand, least=0.0, most=MAX_TILT_ERROR)
-        self._keep("tilt_error", tilt)
-        demand = "a share of the friction coefficient, from 0 to below 1"
-        share = check_number("friction_error", self.friction_error, demand, least=0.0)
-        if share >= 1:
-            raise refuse("friction_error", self.friction_error, demand)
-        self._keep("friction_error", share)
+        asked = {name: getattr(self, name) for name in ERROR_NAMES}
+        for name, error in check_errors(**asked).items():
+            self._keep(name, error)
         directions = check_items("avoid_directions", self.avoid_directions)
         self._keep("avoid_directions", tuple(unit_direction(d) for d in directions))
         indices = enumerate(check_items("exclude_faces", self.exclude_faces))
@@ -233,6 +227,11 @@ class PlanSettings:
         return {field.name: value for field, value in values if value != field.default}
 
     @property
+    def has_errors(self) -> bool:
+        """Whether grasps are to bear any errors."""
+        return any(getattr(self, name) > 0 for name in ERROR_NAMES)
+
+    @property
     def fixed_clearance(self) -> float | None:
         """The clearance of all faces [m]; None where it depends on the inradius of each."""
         return self.edge_clearance if self.edge_clearance_share_of_inradius is None else None
@@ -241,6 +240,36 @@ class PlanSettings:
     def exclusion(self) -> Exclusion:
         """Where no contact may be."""
         return exclusion(self.avoid_directions, self.exclude_faces, self.avoid_angle)
+
+
+def check_errors(
+    *, placement_error: object, tilt_error: object, friction_error: object, com_error: object
+) -> dict[str, float]:
+    """Checks the errors that a grasp is to bear.
+
+    Args:
+        placement_error: argument that must be a length [m].
+        tilt_error: argument that must be an angle [rad], from 0 to `MAX_TILT_ERROR`.
+        friction_error: argument that must be a share, from 0 to below 1.
+        com_error: argument that must be a length [m].
+
+    Returns:
+        The four errors as floats, by their names.
+
+    Raises:
+        UsageError: when one is not what it must be.
+    """
+    angle = f"an angle in radians, from 0 to {MAX_TILT_ERROR}"
+    share = "a share of the friction coefficient, from 0 to below 1"
+    friction = check_number("friction_error", friction_error, share, least=0.0)
+    if friction >= 1:
+        raise refuse("friction_error", friction_error, share)
+    return {
+        "placement_error": check_length("placement_error", placement_error),
+        "tilt_error": check_number("tilt_error", tilt_error, angle, least=0.0, most=MAX_TILT_ERROR),
+        "friction_error": friction,
+        "com_error": check_length("com_error", com_error),
+    }
 
 
 def _face_index(position: int, face: int) -> int:

@@ -52,6 +52,33 @@ def _plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
     ]
 
 
+def _error_column(plan: GraspPlan) -> list[tuple[str, ...]]:
+    """Returns the cells "bears" of header, units and rows; empty rows where no error was asked."""
+    if not plan.settings.has_errors:
+        return [()] * (2 + len(plan.grasps))
+    regions = [grasp.region for grasp in plan.grasps]
+    cells = [("-" if r is None else f"{1e3 * r.placement_error.min():.2f}",) for r in regions]
+    return [("bears",), ("[mm]",), *cells]
+
+
+def _error_lines(plan: GraspPlan) -> list[str]:
+    """Returns what "bears" stands for, and which grasps do not bear the errors asked."""
+    settings = plan.settings
+    if not settings.has_errors:
+        return []
+    lines = [
+        "bears: proved to hold with each contact off by this much along its face and, at once, "
+        f"normals by {settings.tilt_error:.4g} rad, friction less by "
+        f"{100 * settings.friction_error:.3g} percent and the centre of mass off by "
+        f"{1e3 * settings.com_error:.3g} mm"
+    ]
+    ranks = [str(rank) for rank, grasp in enumerate(plan.grasps, start=1) if grasp.region is None]
+    if ranks:
+        grasps, do = ("grasps", "are") if len(ranks) > 1 else ("grasp", "is")
+        lines.append(f"{grasps} {', '.join(ranks)} {do} not proved to bear these errors")
+    return lines
+
+
 def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
     """Returns the table of a plan's grasps, best first, one per row.
 
@@ -64,15 +91,19 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
     header = ("rank", "faces", "kind", "Q", "margin", "epsilon", "mu_min", "placement", "squeeze")
     units = ("", "", "", "", "", "", "", "[mm]", "[N]")
     rows = [_grasp_row(rank, grasp) for rank, grasp in enumerate(plan.grasps, start=1)]
-    in_plant = _plant_column(plan.grasps)
+    cells = [
+        (*row, *bears, *plant)
+        for row, bears, plant in zip(
+            [header, units, *rows], _error_column(plan), _plant_column(plan.grasps), strict=True
+        )
+    ]
     num_faces = len(object_.polyhedron.faces)
     head = head_line(model, num_faces, plan.excluded_faces, plan.num_sets)
     return "\n".join(
         [
             f"{head}, {_counts(plan)}",
-            *align_columns(
-                [(*row, *cell) for row, cell in zip([header, units, *rows], in_plant, strict=True)]
-            ),
+            *align_columns(cells),
+            *_error_lines(plan),
             *_plant_lines(plan.grasps),
             *_placement_note(object_, plan.grasps),
             f"wrote {output}",

@@ -131,5 +131,7 @@ def _nearest_on_boundary(polygon: shapely.Polygon) -> Array:
         tails.append(xy[:-1])
         heads.append(xy[1:])
     tail, side = np.concatenate(tails), np.concatenate(heads) - np.concatenate(tails)
-    along = np.clip(-dot(tail, side) / dot(side, side), 0, 1)
+    # Some rings repeat a point.
+    length2 = np.maximum(dot(side, side), np.finfo(float).tiny)
+    along = np.clip(-dot(tail, side) / length2, 0, 1)
     return np.asarray(tail + along[:, None] * side)

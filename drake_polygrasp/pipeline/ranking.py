@@ -15,8 +15,15 @@ from drake_polygrasp.geometry.surface_contact import edge_distance
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Quality
 from drake_polygrasp.pipeline.candidates import KINDS, ProjectedCandidates
 from drake_polygrasp.pipeline.judge import Judge
+from drake_polygrasp.pipeline.judging import SPARE
+from drake_polygrasp.pipeline.region_certificates import certify_errors
 from drake_polygrasp.settings import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
+
+LEAST_RANKED = 10
+"""Our choice: sets at least whose least epsilon under errors is compared."""
+TRIED_OF_A_SET = 3
+"""Our choice: candidates of a set that are asked whether they bear errors, best first."""
 
 
 @dataclass(frozen=True, order=True)
@@ -42,13 +49,49 @@ def certify_best(judge: Judge, rank: Rank, top: int) -> tuple[CertifiedGrasp, ..
         The grasps with their certificates, best first.
     """
     ranked = _ranked_candidates(judge, rank)
-    measured = _of_greatest_epsilon(judge.work, ranked, top) if rank == "epsilon" else {}
-    rows = list(measured) or [entry.row for entry in ranked[:top]]
+    if judge.work.request.errors is not None:
+        return _bearing_errors(judge, ranked, rank, top)
+    first = _first_of_each_set(judge.work, ranked)
+    measured = _of_greatest_epsilon(judge.work, first, top) if rank == "epsilon" else {}
+    rows = list(measured) or [entry.row for entry in first[:top]]
     return _certified(judge, rows, [measured.get(row) for row in rows])
 
 
+def _bearing_errors(
+    judge: Judge, ranked: list[_Ranked], rank: Rank, top: int
+) -> tuple[CertifiedGrasp, ...]:
+    """Certifies the best sets with the errors that they bear.
+
+    Of each set it is the first of its best candidates that bears them. By epsilon, the least
+    under errors counts, and grasps that do not bear them come last.
+    """
+    work, errors = judge.work, judge.work.request.errors
+    assert errors is not None
+    wanted = max(top + SPARE, LEAST_RANKED) if rank == "epsilon" else top
+    grasps = []
+    for entry in _first_of_each_set(work, ranked)[:wanted]:
+        set_index = work.candidates.set_index
+        same = [other.row for other in ranked if set_index[other.row] == set_index[entry.row]]
+        certified = _certified(judge, same[:TRIED_OF_A_SET], [None] * len(same[:TRIED_OF_A_SET]))
+        bearing = (
+            replace(grasp, region=certify_errors(work.request.object_, grasp.grasp, errors))
+            for grasp in certified
+        )
+        grasps.append(next((grasp for grasp in bearing if grasp.region), certified[0]))
+    if rank == "epsilon":
+        grasps.sort(key=_least_epsilon, reverse=True)
+    return tuple(grasps[:top])
+
+
+def _least_epsilon(grasp: CertifiedGrasp) -> tuple[bool, float]:
+    """Sorts grasps that bear errors after others, each by a lower bound of epsilon."""
+    if grasp.region is None:
+        return False, grasp.certificate.epsilon_lower
+    return True, grasp.region.epsilon_lower or 0.0
+
+
 def _ranked_candidates(judge: Judge, rank: Rank) -> list[_Ranked]:
-    """Returns the best candidate of each set, best first."""
+    """Returns all proved candidates, best first, by the friction that errors leave."""
     work, rows = judge.work, np.array(sorted(judge.proofs), dtype=np.int64)
     margin = np.array([judge.proofs[row].margin for row in rows.tolist()])
     if rank == "Q":
@@ -57,14 +100,19 @@ def _ranked_candidates(judge: Judge, rank: Rank) -> list[_Ranked]:
         score = margin
     else:
         object_ = work.request.object_
-        score = epsilon_upper_bound(*work.contacts_of(rows), object_.p_BBcm, object_.rho)
-    entries = sorted(
+        contacts = work.narrowed_contacts_of(rows)
+        score = epsilon_upper_bound(*contacts, object_.p_BBcm, object_.rho)
+    return sorted(
         _Ranked(-round(float(s), 9), -round(float(m), 9), tuple(work.face[row].tolist()), int(row))
         for s, m, row in zip(score, margin, rows, strict=True)
     )
+
+
+def _first_of_each_set(work: ProjectedCandidates, ranked: list[_Ranked]) -> list[_Ranked]:
+    """Returns the best candidate of each set, best first."""
     seen: set[int] = set()
     first = []
-    for entry in entries:
+    for entry in ranked:
         set_index = int(work.candidates.set_index[entry.row])
         if set_index not in seen:
             seen.add(set_index)

@@ -6,11 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.contact_regions import certify_regions
+from drake_polygrasp.certification.region_epsilon import region_epsilon
 from drake_polygrasp.digits import at_most
+from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.placement_regions import placement_region
-from drake_polygrasp.grasp import Grasp, GraspObject, RegionCertificate
+from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, RegionCertificate, grasp_of
+from drake_polygrasp.settings import check_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +41,56 @@ class Errors:
             self.friction * share,
             self.com * share,
         )
+
+
+def certify_region(
+    object_: GraspObject,
+    grasp: AnyGrasp,
+    *,
+    placement_error: float = 0.0,
+    tilt_error: float = 0.0,
+    friction_error: float = 0.0,
+    com_error: float = 0.0,
+) -> RegionCertificate | None:
+    """Proves that a grasp bears errors of place, tilt, friction and centre of mass, all at once.
+
+        best = plan_grasps(box, placement_error=0.003).grasps[0]
+        more = certify_region(box, best, placement_error=0.005, tilt_error=0.05)
+
+    Args:
+        object_: object that is grasped.
+        grasp: grasp of it, alone or with its certificate.
+        placement_error: by how much each contact may be off in its tangent plane, in any direction
+            [m].
+        tilt_error: angle by which each normal may differ from the surface's [rad], from 0 to 1.5.
+        friction_error: share by which friction coefficients may be less, from 0 to below 1.
+        com_error: by how much the centre of mass may be off, in any direction [m].
+
+    Returns:
+        The certificate, which a grasp file states as `region`; None if a contact may touch what it
+        must not, or no internal force is found that proves all placements.
+
+    Raises:
+        UsageError: if an argument is not what it must be.
+    """
+    check_instance("object_", object_, GraspObject, "as load_object returns it")
+    contacts = grasp_of(grasp)
+    num_faces = len(object_.polyhedron.faces)
+    if not max(contacts.faces) < num_faces:
+        raise UsageError(
+            f"the grasp is on face {max(contacts.faces)}, and the object has {num_faces} faces "
+            "from 0; give the object that it was planned on"
+        )
+    errors = check_errors(
+        placement_error=placement_error,
+        tilt_error=tilt_error,
+        friction_error=friction_error,
+        com_error=com_error,
+    )
+    placement, tilt, friction, com = errors.values()
+    return certify_errors(
+        object_, contacts, Errors(frozen(np.full(num_faces, placement)), tilt, friction, com)
+    )
 
 
 def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> RegionCertificate | None:
@@ -71,6 +125,16 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
     )
     if proved is None:
         return None
+    bounds = region_epsilon(
+        pieces,
+        grasp.mu,
+        object_.p_BBcm,
+        object_.rho,
+        tilt_error=errors.tilt,
+        friction_error=errors.friction,
+        com_error=errors.com,
+        mass=object_.mass,
+    )
     return RegionCertificate(
         placement_error=proved.placement_error,
         tilt_error=errors.tilt,
@@ -78,4 +142,7 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
         com_error=errors.com,
         internal_force=proved.internal_force,
         pieces=tuple(pieces),
+        epsilon_lower=bounds.epsilon_lower,
+        epsilon_upper=bounds.epsilon_upper,
+        squeeze_force=bounds.squeeze_force,
     )

@@ -21,6 +21,7 @@ from drake_polygrasp.paper.orientation import least_opposing_friction
 from drake_polygrasp.paper.reasons import CODE, REASONS, UNJUDGED, SetPlan
 from drake_polygrasp.paper.stages import plan_sets
 from drake_polygrasp.pipeline.friction_left import friction_left, friction_needed
+from drake_polygrasp.pipeline.region_certificates import Errors
 from drake_polygrasp.settings import PlanOptions, PlanSettings, Steps
 
 Codes = npt.NDArray[np.int8]
@@ -83,6 +84,15 @@ class PlanRequest:
     def excluded_faces(self) -> tuple[int, ...]:
         """Faces whose every set is excluded, ascending."""
         return self.exclusion.excluded_faces(self.object_.polyhedron)
+
+    @property
+    def errors(self) -> Errors | None:
+        """The errors that grasps are to bear; None where there are none."""
+        asked = self.settings
+        if not asked.has_errors:
+            return None
+        placement = np.full(len(self.object_.polyhedron.faces), asked.placement_error)
+        return Errors(frozen(placement), asked.tilt_error, asked.friction_error, asked.com_error)
 
     @property
     def mu_needed(self) -> float | None:
