@@ -125,7 +125,8 @@ def region_epsilon(
     """Bounds what a grasp withstands wherever its contacts are in three regions.
 
     Args:
-        regions: the pieces on one of which each contact is.
+        regions: the pieces on one of which each contact is; on an edge between two it has the
+            normal of one of them, but for the tilt.
         mu: friction coefficients, shape (3,).
         p_BBcm: centre of mass [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
