@@ -20,7 +20,11 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 _ROUNDING = 1e-9
-"""Relative: closer to the edge of a cone is not inside; closer to a triangle is on it."""
+"""Relative: closer to the edge of a cone is not inside."""
+_CRACK = 1e-14
+"""Times L: rays do not pass between triangles that share an edge, for all that rounding does."""
+_RIM = 1 - 1e-9
+"""Part of the radius at which the rim is sampled: discs touch the edges of their faces."""
 _PAIRS = tuple(itertools.combinations(range(6), 2))
 
 
@@ -160,7 +164,8 @@ def draw(
     for i in range(3):
         x_axis, y_axis = tangents(n[i])
         turn = rng.uniform(0, 2 * np.pi, count)
-        radius = errors.placement[i] * np.sqrt(rng.uniform(1.0 if on_rim else 0.0, 1.0, count))
+        shares = np.full(count, _RIM) if on_rim else np.sqrt(rng.uniform(size=count))
+        radius = errors.placement[i] * shares
         place = p[i] + radius[:, None] * (
             np.cos(turn)[:, None] * x_axis + np.sin(turn)[:, None] * y_axis
         )
@@ -214,7 +219,7 @@ def cast(surface: Surface, start: Array, along: Array) -> Hits:
 
 def _cast_on_triangles(surface: Surface, start: Array, along: Array) -> Hits:
     """Which triangles, seen along the rays, hold each ray's point; the nearest of those ahead."""
-    found, tolerance = Hits.nothing(len(start)), _ROUNDING * surface.L
+    found, tolerance = Hits.nothing(len(start)), _CRACK * surface.L
     if not len(surface.triangles):
         return found
     view = np.column_stack([*tangents(along), along])
