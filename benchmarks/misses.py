@@ -1,7 +1,8 @@
 """How often a planned grasp holds when fingertips miss: drawn errors, judged independently.
 
     python -m benchmarks.misses [FILE ...] [--generated N] [--placement M | --share-of-L S]
-        [--tilt RAD] [--friction SHARE] [--com SHARE] [--trials 1000] [--epsilon N] [--json OUT]
+        [--tilt RAD] [--friction SHARE] [--com SHARE] [--stated] [--on-rim] [--trials 1000]
+        [--epsilon N] [--json OUT]
 
 The best grasp of each object (default: our models) is planned in several ways:
 
@@ -9,11 +10,15 @@ The best grasp of each object (default: our models) is planned in several ways:
     clearance  with contacts at least as far from edges as fingertips may miss
     errors     for the errors that are drawn: so far from edges, with the friction that is left
 
+Of a grasp file, the first grasp is judged as it stands. With `--stated`, grasps that state what
+they bear are judged by that: all of their trials must hold.
+
 In each trial every fingertip is displaced in the plane of its contact, uniformly in a disc, comes
 along the nominal normal and touches what it first meets; the normal there is tilted, uniformly in a
 cone, and the friction there off by as much as a share of it, either way. The judge has its own code
 for all of that and for force closure. P is the share of trials that are force closure, off that of
-those in which a fingertip misses the body. With `--epsilon N` the first N trials' epsilons are
+those in which a fingertip misses the body. With `--on-rim` every error is as large as it may be.
+With `--epsilon N` the first N trials' epsilons are
 bounded from below, to a percent, the centre of mass off by as much as a share of L: their mean, and
 what 95 percent of them reach.
 
@@ -35,8 +40,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.objects import in_folder, models
-from drake_polygrasp import CertifiedGrasp, GraspObject, PolygraspError, load_object, plan_grasps
+from drake_polygrasp import (
+    CertifiedGrasp,
+    GraspObject,
+    PolygraspError,
+    load_grasps,
+    load_object,
+    plan_grasps,
+)
 from drake_polygrasp.arrays import Array
+from drake_polygrasp.files.stated_grasp import GraspFile, StatedGrasp
+from drake_polygrasp.grasp import RegionCertificate
+from drake_polygrasp.loading.packages import find_packages
+from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
 from tests.support.convex_polyhedra import (
     boxes,
     ellipsoid_hull,
@@ -60,6 +76,8 @@ class Subject(NamedTuple):
 
     name: str
     make: Callable[[], GraspObject]
+    file: GraspFile | None = None
+    """Whose first grasp is judged, in place of planned ones."""
 
 
 @dataclass(frozen=True)
@@ -150,11 +168,12 @@ def judged(
     name: str,
     plan: str,
     object_: GraspObject,
-    found: CertifiedGrasp | None,
+    found: CertifiedGrasp | StatedGrasp | None,
     errors: Errors,
-    trials: int,
-    num_epsilons: int,
-    seed: int,
+    trials: int = 1000,
+    num_epsilons: int = 0,
+    seed: int = 0,
+    on_rim: bool = False,
 ) -> Result:
     """Draws trials of one grasp; the same draws for every plan of an object."""
     faces, placement = len(object_.polyhedron.faces), float(errors.placement.max())
@@ -168,6 +187,7 @@ def judged(
         errors,
         trials,
         rng,
+        on_rim=on_rim,
     )
     mean = low = None
     if num_epsilons:
@@ -190,10 +210,17 @@ def judged(
 
 
 def of_files(files: list[Path]) -> Iterator[Subject]:
-    """Model files, and those of folders."""
-    for file in files:
-        for found in [subject.file for subject in in_folder(file)] if file.is_dir() else [file]:
-            yield Subject(f"{found.resolve().parent.name}/{found.stem}", partial(_load, found))
+    """Model files, those of folders, and grasp files."""
+    for path in files:
+        for found in [subject.file for subject in in_folder(path)] if path.is_dir() else [path]:
+            name = f"{found.resolve().parent.name}/{found.stem}"
+            if found.name.endswith(".grasp.yaml"):
+                stated = load_grasps(found)
+                file = find_stated_model(stated, find_packages(found, (), None))
+                model = partial(load_stated_object, stated, file)
+                yield Subject(name, model, stated)
+            else:
+                yield Subject(name, partial(_load, found))
 
 
 def _load(file: Path) -> GraspObject:
@@ -272,6 +299,36 @@ def holds(results: list[Result], plan: str, mean: float, least: float) -> bool:
     return bool(shares) and float(np.mean(shares)) >= mean and min(shares) >= least
 
 
+def stated_errors(region: RegionCertificate) -> Errors:
+    """What a grasp states that it bears."""
+    return Errors(
+        np.array(region.placement_error),
+        region.tilt_error,
+        region.friction_error,
+        region.com_error,
+    )
+
+
+def _errors(arguments: argparse.Namespace, L: float) -> Errors:
+    radius = arguments.share_of_L * L if arguments.placement is None else arguments.placement
+    return Errors(np.full(3, radius), arguments.tilt, arguments.friction, arguments.com * L)
+
+
+def _grasps(
+    subject: Subject, object_: GraspObject, plans: list[str], errors: Errors
+) -> Iterator[tuple[str, CertifiedGrasp | StatedGrasp | None]]:
+    """The best grasp of each way of planning, or the first of a grasp file."""
+    if subject.file is not None:
+        yield "file", next(iter(subject.file.grasps), None)
+        return
+    for plan in plans:
+        try:
+            yield plan, next(iter(plan_grasps(object_, **_options(plan, errors)).grasps), None)
+        except PolygraspError as error:
+            print(f"{subject.name}, {plan}: {error}", flush=True)
+            yield plan, None
+
+
 def main() -> int:
     arguments = _parser().parse_args()
     subjects = list(of_files(arguments.files)) + list(generated(arguments.generated))
@@ -282,28 +339,19 @@ def main() -> int:
     results = []
     for subject in subjects:
         object_ = subject.make()
-        radius = arguments.placement
-        if radius is None:
-            radius = arguments.share_of_L * object_.polyhedron.diameter
-        com = arguments.com * object_.polyhedron.diameter
-        errors = Errors(np.full(3, radius), arguments.tilt, arguments.friction, com)
-        for plan in arguments.plans:
-            try:
-                found = next(iter(plan_grasps(object_, **_options(plan, errors)).grasps), None)
-            except PolygraspError as error:
-                print(f"{subject.name}, {plan}: {error}", flush=True)
-                found = None
-            results.append(
-                judged(
-                    *(subject.name, plan, object_, found, errors),
-                    *(arguments.trials, arguments.epsilon, arguments.seed),
-                )
-            )
+        asked = _errors(arguments, object_.polyhedron.diameter)
+        for plan, found in _grasps(subject, object_, arguments.plans, asked):
+            errors = asked
+            if arguments.stated and found is not None and found.region is not None:
+                errors = stated_errors(found.region)
+            numbers = arguments.trials, arguments.epsilon, arguments.seed, arguments.on_rim
+            results.append(judged(subject.name, plan, object_, found, errors, *numbers))
             print(results[-1].row, flush=True)
-    print("", summary(results, arguments.plans), sep="\n")
+    plans = list(dict.fromkeys(result.plan for result in results))
+    print("", summary(results, plans), sep="\n")
     if arguments.json:
         arguments.json.write_text(json.dumps([asdict(r) for r in results], indent=1) + "\n")
-    return 0 if holds(results, arguments.plans[-1], *arguments.require) else 1
+    return 0 if holds(results, plans[-1], *arguments.require) else 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -327,6 +375,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--tilt", type=float, default=TILT, metavar="RAD", help=f"(default: {TILT}, 5 degrees)")
     add("--friction", type=float, default=FRICTION, help=f"share of mu (default: {FRICTION})")
     add("--com", type=float, default=COM, help=f"share of L, for --epsilon (default: {COM})")
+    add("--stated", action="store_true", help="errors are those that a grasp states it bears")
+    add("--on-rim", action="store_true", help="errors are as large as they may be")
     add("--plans", nargs="+", choices=PLANS, default=list(PLANS), help="(default: all)")
     add("--trials", type=int, default=1000, help="of each grasp (default: 1000)")
     add("--epsilon", type=int, default=0, metavar="N", help="trials whose epsilon is bounded")

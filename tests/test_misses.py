@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.misses import surface_of
+from benchmarks.misses import generated, judged, stated_errors, surface_of
+from drake_polygrasp import plan_grasps, save_grasps
 from drake_polygrasp.certification.robustness import epsilon_interval
 from tests.support.common import prism_grasp, wedge_grasp
 from tests.support.lp_judge import is_force_closure as by_linear_programs
@@ -22,6 +23,7 @@ from tests.support.miss_judge import (
     epsilons,
     is_force_closure,
 )
+from tests.support.plant_scenes import model
 from tests.support.solids import cube
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -52,12 +54,12 @@ def test_closure_is_that_of_linear_programs_over_polygonal_cones() -> None:
 
 
 def test_epsilon_is_the_certificates() -> None:
-    """By polygonal cones inside the true ones, of 96 edges: too little by 1 - cos(pi / 96)."""
+    """Cones of 32 edges are inside the true ones: too little by 1 - cos(pi / 32), 0.5 percent."""
     for grasp, rho in ((prism_grasp(mu=0.3), 0.1), (wedge_grasp(PHI, 0.8), 0.2)):
         contacts = grasp.p_BC[None], grasp.nhat_TB_B[None], grasp.mu[None]
-        (found,) = epsilons(*contacts, np.zeros((1, 3)), rho, sides=96)
+        (found,) = epsilons(*contacts, np.zeros((1, 3)), rho, sides=32)
         known = epsilon_interval(*(array[0] for array in contacts), np.zeros(3), rho)
-        assert (1 - 2e-3) * known.lower <= found <= known.upper * (1 + 1e-4)  # joggled by qhull
+        assert (1 - 6e-3) * known.lower <= found <= known.upper * (1 + 1e-4)  # joggled by qhull
 
 
 def test_rays_meet_curved_solids_where_they_are_and_as_they_lean() -> None:
@@ -135,6 +137,35 @@ def test_errors_drawn_are_no_larger_than_stated_and_fill_their_range() -> None:
     assert np.linalg.norm(worst.p - p, axis=2) == pytest.approx(np.tile(errors.placement, (100, 1)))
     assert np.arccos((worst.n * n).sum(axis=2)) == pytest.approx(0.1)
     assert worst.mu == pytest.approx(np.tile(0.8 * mu, (100, 1)))
+
+
+def test_what_grasps_are_proved_to_bear_they_bear_in_every_trial() -> None:
+    """On planar faces, an octagonal prism's edges among them, and on polyhedra of many facets."""
+    objects = [model("octagonal_prism"), model("two_materials")]
+    objects += [subject.make() for subject in generated(2)]
+    proved = 0
+    for k, object_ in enumerate(objects):
+        plan = plan_grasps(
+            object_, top=2, placement_error=0.002, tilt_error=0.06, friction_error=0.15
+        )
+        for certified in plan.grasps:
+            if certified.region is not None:
+                errors = stated_errors(certified.region)
+                for on_rim in (False, True):
+                    found = judged(f"{k}", "errors", object_, certified, errors, on_rim=on_rim)
+                    assert found.holds == 1.0
+                proved += 1
+    assert proved >= 6
+
+
+def test_a_grasp_file_is_judged_by_what_it_states(tmp_path: Path) -> None:
+    box = model("cube")
+    plan = plan_grasps(box, top=1, placement_error=0.002, tilt_error=0.06)
+    file = tmp_path / "cube.grasp.yaml"
+    save_grasps(file, box, plan.grasps, plan.settings)
+    command = [sys.executable, "-m", "benchmarks.misses", str(file), "--stated", "--trials", "50"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert "    2.00  file         1.000" in done.stdout
 
 
 def test_the_command_prints_how_often_grasps_hold_and_fails_where_too_few_do() -> None:
