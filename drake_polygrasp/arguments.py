@@ -20,7 +20,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.errors import UsageError
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 
 def refuse(name: str, value: object, demand: str) -> UsageError:
@@ -117,7 +117,7 @@ def check_choice(name: str, value: object, choices: Sequence[str]) -> str:
     return value
 
 
-def check_instance(name: str, value: object, kind: type[T], source: str = "") -> T:
+def check_instance(name: str, value: object, kind: type[_T], source: str = "") -> _T:
     """Returns an instance of a class.
 
     Args:

@@ -67,6 +67,12 @@ LONG_FILES = {
 }
 
 
+RUN_ALONE = {"certification.exact", "certification.exact_cycle"}
+"""Files that share nothing with others, so that they may define again what others have."""
+ALSO_THERE = {"FLATNESS", "MIN_AREA_RATIO", "UNIT_TOLERANCE", "main"}
+"""The public names that they define again."""
+
+
 def name_of(module: Path) -> str:
     """Its dotted name within the package."""
     return ".".join(module.relative_to(PACKAGE).with_suffix("").parts)
@@ -142,6 +148,28 @@ def test_a_room_imports_what_it_may_and_no_more_is_allowed(room: str) -> None:
         assert found <= BASE
     else:
         assert found - BASE == MAY_IMPORT[room]
+
+
+def public_definitions(module: Path) -> Iterator[str]:
+    """The public classes, functions, aliases and constants that a file defines."""
+    for node in ast.parse(module.read_text()).body:
+        names: list[str] = []
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names = [node.name]
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names = [target.id for target in targets if isinstance(target, ast.Name)]
+        yield from (name for name in names if not name.startswith("_"))
+
+
+def test_a_public_name_is_of_one_thing() -> None:
+    homes: dict[str, list[str]] = {}
+    for file, module in NAMES.items():
+        for name in public_definitions(module):
+            homes.setdefault(name, []).append(file)
+    twice = {name: {*files} for name, files in homes.items() if len(files) > 1}
+    assert {*twice} == ALSO_THERE, {name: twice[name] for name in {*twice} - ALSO_THERE}
+    assert all(len(files - RUN_ALONE) <= 1 for files in twice.values())
 
 
 def test_no_files_import_each_other_in_a_circle() -> None:

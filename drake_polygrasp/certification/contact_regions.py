@@ -84,7 +84,7 @@ class DiscPolygon:
 
 
 @dataclass(frozen=True, eq=False)
-class RegionCertificate:
+class CertifiedRegions:
     """A proof that a grasp is force closure for all placements of its contacts in three regions.
 
     Attributes:
@@ -112,7 +112,7 @@ def certify_regions(
     placement_error: Array,
     tilt_error: float = 0.0,
     friction_error: float = 0.0,
-) -> RegionCertificate | None:
+) -> CertifiedRegions | None:
     """Proves a grasp for all placements of its contacts in given regions.
 
     Args:
@@ -133,7 +133,7 @@ def certify_regions(
     if found is None or not _is_proved(regions, mu, found[0], *errors):
         return None
     kept = tuple(tuple(region) for region in regions)
-    return RegionCertificate(found[0], kept, frozen(placement_error), *errors)
+    return CertifiedRegions(found[0], kept, frozen(placement_error), *errors)
 
 
 def largest_certified_radius(
@@ -145,7 +145,7 @@ def largest_certified_radius(
     size: float,
     tilt_error: float = 0.0,
     friction_error: float = 0.0,
-) -> RegionCertificate | None:
+) -> CertifiedRegions | None:
     """Proves a grasp for the largest discs about contacts on planar faces, in given proportions.
 
     Args:
@@ -171,7 +171,7 @@ def largest_certified_radius(
         reached = np.array([at_most(min(part * scale, 1.0) * r) for r in radii.tolist()])
         discs = _discs(p_BC, nhat_TB_B, reached, size)
         if _is_proved(discs, mu, x, *errors):
-            return RegionCertificate(x, discs, frozen(reached), *errors)
+            return CertifiedRegions(x, discs, frozen(reached), *errors)
     return None
 
 

@@ -41,7 +41,7 @@ from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrenches.contacts import contact_frames
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
-RELATIVE_GAP = 0.02
+_RELATIVE_GAP = 0.02
 """Our choice: how far apart the bounds may stay, over the upper one."""
 _FIRST_GAPS = (0.05, 0.01)
 """Our choice: how near to its support the first hull comes, over the bound at the middles."""
@@ -120,7 +120,7 @@ def region_epsilon(
     friction_error: float = 0.0,
     com_error: float = 0.0,
     mass: float | None = None,
-    relative_gap: float = RELATIVE_GAP,
+    relative_gap: float = _RELATIVE_GAP,
 ) -> RegionEpsilon:
     """Bounds what a grasp withstands wherever its contacts are in three regions.
 

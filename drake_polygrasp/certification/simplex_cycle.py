@@ -132,7 +132,7 @@ def simplex_keys(simplices: Ints) -> Ints:
     return np.asarray((simplices * _POWERS).sum(axis=-1))
 
 
-def boundary(simplices: Ints) -> tuple[Ints, Ints]:
+def simplex_boundary(simplices: Ints) -> tuple[Ints, Ints]:
     """Returns the boundary of a surface: the ridges in an odd number of its simplices.
 
     Args:

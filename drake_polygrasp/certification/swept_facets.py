@@ -17,9 +17,9 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.simplex_cycle import (
     MOST_POINTS,
-    boundary,
     coned,
     connected,
+    simplex_boundary,
     simplex_keys,
     solve,
 )
@@ -299,7 +299,7 @@ def _replaced(
     over = height > facets.values + 10.0**-_DIGITS
     over[worst] = True
     seen = connected(simplices, over, worst)
-    ridges, owner = boundary(simplices[seen])
+    ridges, owner = simplex_boundary(simplices[seen])
     start = w[seen][owner[(ridges != new).all(axis=1)]]
     cone = coned(ridges, new)
     # What is there twice is there an even number of times.

@@ -16,7 +16,7 @@ from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.packages import find_packages, is_uri
 from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
 from drake_polygrasp.visualization.page import save_html
-from drake_polygrasp.visualization.scene import AnyGrasp, draw_grasps, look_at, show_rank
+from drake_polygrasp.visualization.scene import ShownGrasp, draw_grasps, look_at, show_rank
 
 _SLIDER = "grasp"
 _POLL_SECONDS = 0.05
@@ -34,7 +34,7 @@ class ShownScene:
     """
 
     object_: GraspObject
-    grasps: tuple[AnyGrasp, ...]
+    grasps: tuple[ShownGrasp, ...]
     tip_radius: float | None
 
 

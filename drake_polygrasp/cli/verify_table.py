@@ -8,7 +8,7 @@ from drake_polygrasp.cli.table import align_columns
 from drake_polygrasp.files.plant_block import plant_document
 
 if TYPE_CHECKING:
-    from drake_polygrasp.verification.report import GraspReport, VerificationReport
+    from drake_polygrasp.verification.report import GraspVerification, VerificationReport
 
 
 def _plant_column(report: VerificationReport) -> list[tuple[str, ...]]:
@@ -18,7 +18,7 @@ def _plant_column(report: VerificationReport) -> list[tuple[str, ...]]:
     return [("PLANT",), *((_plant_cell(grasp),) for grasp in report.grasps)]
 
 
-def _plant_cell(grasp: GraspReport) -> str:
+def _plant_cell(grasp: GraspVerification) -> str:
     """Returns the plant's verdict now, or else what the file states, marked "stated"."""
     if grasp.plant is not None:
         return str(grasp.plant.verdict)
@@ -105,7 +105,7 @@ def verify_document(report: VerificationReport, holds: bool | None) -> dict[str,
     }
 
 
-def _verified_document(grasp: GraspReport) -> dict[str, Any]:
+def _verified_document(grasp: GraspVerification) -> dict[str, Any]:
     document: dict[str, Any] = {
         name: {"status": str(line.status), "reason": line.reason}
         for name, line in grasp.lines.items()

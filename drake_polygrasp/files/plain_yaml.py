@@ -21,7 +21,7 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.input_file import read_bytes
 
-MAX_BYTES = 4_000_000
+MAX_YAML_BYTES = 4_000_000
 """Greatest size of a grasp file. Our choice: some two thousand grasps."""
 _PLAIN_TAGS = [f"tag:yaml.org,2002:{kind}" for kind in ("map", "seq", "str")]
 _Sign = Literal["any", "positive", "zero or positive"]
@@ -52,7 +52,7 @@ def read_mapping(path: Path) -> Block:
 
 def _read_text(path: Path) -> str:
     try:
-        return read_bytes(path, "grasp", MAX_BYTES, GraspFileError).decode()
+        return read_bytes(path, "grasp", MAX_YAML_BYTES, GraspFileError).decode()
     except UnicodeDecodeError:
         raise GraspFileError(f"{path}: is not UTF-8 text") from None
 

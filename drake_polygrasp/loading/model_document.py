@@ -14,7 +14,7 @@ from drake_polygrasp.errors import ModelError, with_remedy
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.xml_reader import parse_xml
 
-MAX_BYTES = 20_000_000
+_MAX_BYTES = 20_000_000
 """Greatest size of a document. Our choice: some hundred thousand collision geometries."""
 _MAX_NODES = 1_000_000
 """Most YAML nodes of directives, with their aliases expanded. Our choice."""
@@ -47,7 +47,7 @@ def read_directives(path: Path) -> list[Addition]:
     Raises:
         ModelError: when it cannot be read as model directives.
     """
-    content = read_bytes(path, "model", MAX_BYTES, ModelError)
+    content = read_bytes(path, "model", _MAX_BYTES, ModelError)
     try:
         if _expanded_size(yaml.compose(content, Loader=yaml.BaseLoader), {}) > _MAX_NODES:
             raise ModelError(
@@ -90,7 +90,7 @@ def read_xml(path: Path, tag: str | None = None) -> Element:
     Raises:
         ModelError: when Drake cannot read it as XML, or it declares entities.
     """
-    content = read_bytes(path, "model", MAX_BYTES, ModelError)
+    content = read_bytes(path, "model", _MAX_BYTES, ModelError)
     try:
         elements = parse_xml(content)
     except ValueError as error:

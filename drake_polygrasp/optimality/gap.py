@@ -21,7 +21,7 @@ from drake_polygrasp.search.triples import Triples
 
 NODES = 100_000
 """Our choice: about a minute."""
-RELATIVE_GAP = 1e-3
+_RELATIVE_GAP = 1e-3
 """Our choice: relative width of the interval of epsilon that the bound is compared with."""
 
 
@@ -105,7 +105,7 @@ def epsilon_gap(
         grasp = certified.grasp
         if certified.certificate.epsilon_upper > epsilon:
             contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
-            lower = epsilon_interval(*contacts, *scale, relative_gap=RELATIVE_GAP).lower
+            lower = epsilon_interval(*contacts, *scale, relative_gap=_RELATIVE_GAP).lower
             best, epsilon = (rank, lower) if lower > epsilon else (best, epsilon)
     tip_radius = plan.settings.tip_radius
     roomy = with_tip_room(regions, object_.polyhedron, tip_radius)

@@ -25,10 +25,11 @@ from drake_polygrasp.paper.reasons import (
     CODE,
     UNJUDGED,
     Candidates,
+    Codes,
     SetPlan,
     has_contacts,
 )
-from drake_polygrasp.pipeline.request import Codes, PlanRequest
+from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.search.triples import Triples
 from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrenches.contacts import force_closure, non_collinear, plane_normal

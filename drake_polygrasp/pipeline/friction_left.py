@@ -51,7 +51,7 @@ def friction_left(mu: Array, tilt_error: float, friction_error: float) -> Array:
     return frozen(np.maximum(left, NO_FRICTION)[row])
 
 
-def friction_needed(mu: float, tilt_error: float, friction_error: float) -> float | None:
+def friction_that_leaves(mu: float, tilt_error: float, friction_error: float) -> float | None:
     """Computes the friction of which `friction_left` leaves as much as is given.
 
     Args:

@@ -8,13 +8,12 @@ from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.certify import Proof, prove_many
 from drake_polygrasp.geometry.surface_contact import face_at
 from drake_polygrasp.grasp import Verdict
-from drake_polygrasp.paper.reasons import CODE, EQUAL_QUALITY, UNJUDGED
+from drake_polygrasp.paper.reasons import CODE, EQUAL_QUALITY, UNJUDGED, Codes
 from drake_polygrasp.pipeline.candidates import (
     ProjectedCandidates,
     clear_of_obstacles,
     has_fingertip_room,
 )
-from drake_polygrasp.pipeline.request import Codes
 from drake_polygrasp.wrenches.epsilon_estimate import epsilon_estimates
 
 _OUTCOME = {

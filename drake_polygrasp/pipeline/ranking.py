@@ -20,9 +20,9 @@ from drake_polygrasp.pipeline.region_certificates import certify_errors
 from drake_polygrasp.settings import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
-LEAST_RANKED = 10
+_LEAST_RANKED = 10
 """Our choice: sets at least whose least epsilon under errors is compared."""
-TRIED_OF_A_SET = 3
+_TRIED_OF_A_SET = 3
 """Our choice: candidates of a set that are asked whether they bear errors, best first."""
 
 
@@ -67,12 +67,12 @@ def _bearing_errors(
     """
     work, errors = judge.work, judge.work.request.errors
     assert errors is not None
-    wanted = max(top + SPARE, LEAST_RANKED) if rank == "epsilon" else top
+    wanted = max(top + SPARE, _LEAST_RANKED) if rank == "epsilon" else top
     grasps = []
     for entry in _first_of_each_set(work, ranked)[:wanted]:
         set_index = work.candidates.set_index
         same = [other.row for other in ranked if set_index[other.row] == set_index[entry.row]]
-        certified = _certified(judge, same[:TRIED_OF_A_SET], [None] * len(same[:TRIED_OF_A_SET]))
+        certified = _certified(judge, same[:_TRIED_OF_A_SET], [None] * len(same[:_TRIED_OF_A_SET]))
         bearing = (
             replace(grasp, region=certify_errors(work.request.object_, grasp.grasp, errors))
             for grasp in certified

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen
@@ -18,13 +17,12 @@ from drake_polygrasp.geometry.regions import Regions, erode
 from drake_polygrasp.geometry.surface_contact import effective_tip_radius
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.orientation import least_opposing_friction
-from drake_polygrasp.paper.reasons import CODE, REASONS, UNJUDGED, SetPlan
+from drake_polygrasp.paper.reasons import CODE, REASONS, UNJUDGED, Codes, SetPlan
 from drake_polygrasp.paper.stages import plan_sets
-from drake_polygrasp.pipeline.friction_left import friction_left, friction_needed
+from drake_polygrasp.pipeline.friction_left import friction_left, friction_that_leaves
 from drake_polygrasp.pipeline.region_certificates import Errors
 from drake_polygrasp.settings import PlanOptions, PlanSettings, Steps
 
-Codes = npt.NDArray[np.int8]
 MOST_SETS = 20_000_000
 """Sets that are followed one by one at most, ours: some minutes and 2 GB; 490 regions have as
 many."""
@@ -99,7 +97,7 @@ class PlanRequest:
         """Friction above which some set passes orientation for all errors; None if none does."""
         mu = least_opposing_friction(self.regions.nhat_TB_B)
         errors = self.settings.tilt_error, self.settings.friction_error
-        return None if mu is None else friction_needed(mu, *errors)
+        return None if mu is None else friction_that_leaves(mu, *errors)
 
     def counts(self, code: Codes) -> dict[str, int]:
         """How many sets ended with each reason, by the codes of those that were evaluated."""

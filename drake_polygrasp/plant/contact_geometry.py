@@ -25,7 +25,7 @@ from drake_polygrasp.geometry.tolerances import ON_SURFACE
 from drake_polygrasp.plant.scratch_plant import ScratchScene, add_surface, add_tip
 from drake_polygrasp.plant.surface_distance import Nearest, SurfaceDistance
 
-ROUNDING = 1e-9
+_ROUNDING = 1e-9
 """Ours, relative: what a combination of friction coefficients may be off."""
 
 
@@ -66,7 +66,7 @@ def _facet_faults(scene: ScratchScene) -> Iterator[str]:
     for i, (face, mu) in enumerate(zip(faces, grasp.mu.tolist(), strict=True), start=1):
         if face < 0:
             yield f"contact {i} is on no facet with its normal"
-        elif not mu <= polyhedron.faces[face].mu * (1 + ROUNDING):
+        elif not mu <= polyhedron.faces[face].mu * (1 + _ROUNDING):
             yield f"contact {i} has friction {mu:.6g}, its face {polyhedron.faces[face].mu:.6g}"
     if not scene.pad_width > 0:
         yield "a contact is on an edge of its face"
@@ -87,7 +87,7 @@ def _friction_faults(scene: ScratchScene) -> Iterator[str]:
         for part in surface:
             pair = CalcContactFrictionFromSurfaceProperties(friction(tip), friction(part))
             for combined in (pair.static_friction(), pair.dynamic_friction()):
-                if not abs(combined - mu) <= ROUNDING * mu:
+                if not abs(combined - mu) <= _ROUNDING * mu:
                     yield f"friction at contact {i} is {combined:.6g} in the plant, not {mu:.6g}"
 
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from drake_polygrasp.errors import PolygraspError
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 MAX_REASON = 200
 """Of Drake's words, ours."""
 
@@ -21,7 +21,7 @@ class Refusal:
     reason: str
 
 
-def ask_drake(question: Callable[[], T]) -> T | Refusal:
+def ask_drake(question: Callable[[], _T]) -> _T | Refusal:
     """Returns what `question` returns, or Drake's reason where Drake refuses to answer.
 
     Drake raises RuntimeError, ValueError or IndexError, and SystemExit where an assertion fails.
@@ -34,9 +34,9 @@ def ask_drake(question: Callable[[], T]) -> T | Refusal:
     except PolygraspError:
         raise
     except (RuntimeError, ValueError, IndexError, SystemExit) as error:
-        return Refusal(drake_reason(error))
+        return Refusal(refusal_reason(error))
 
 
-def drake_reason(error: BaseException) -> str:
+def refusal_reason(error: BaseException) -> str:
     """Drake's words, on one line and shortened."""
     return shorten(str(error), MAX_REASON, placeholder=" ...") or type(error).__name__

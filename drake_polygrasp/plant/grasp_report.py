@@ -11,7 +11,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.plant.harness import GraspRecord, tangential
 
-MAX_SLIP = 0.01
+_MAX_SLIP = 0.01
 """Times L, our choice: a contact that slips farther on its fingertip is not held."""
 
 
@@ -128,8 +128,8 @@ def report_grasp(
         drift=float(drift[start:].max()),
         turn=float(max(turn)),
         slip=(a, b, c),
-        max_slip=MAX_SLIP * diameter,
-        slipped=first((slip > MAX_SLIP * diameter).any(axis=1)),
+        max_slip=_MAX_SLIP * diameter,
+        slipped=first((slip > _MAX_SLIP * diameter).any(axis=1)),
         lost=tuple(first(force <= 0) for force in record.normal_force.T),
         raised=float(height[1] - height[0]),
     )

@@ -29,7 +29,7 @@ from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.grasp import HeldWeight
 from drake_polygrasp.plant.scratch_plant import ScratchScene, add_pads, add_tip
 
-TOLERANCE = 1e-6
+_TOLERANCE = 1e-6
 """Ours: what may stay unbalanced, times the weight; what SNOPT aims at, times the weight and, for
 torques, rho."""
 
@@ -51,13 +51,13 @@ class Equilibrium(HeldWeight):
     def fault(self) -> str:
         """Why it is none, or nothing."""
         weight = float(np.linalg.norm(self.weight_B))
-        if not self.residual <= TOLERANCE:
+        if not self.residual <= _TOLERANCE:
             return f"the planned forces leave {self.residual:.2g} of the weight unbalanced"
         if not len(self.f_Bc_B):
             return "StaticEquilibriumProblem finds no contact forces"
-        if not self.drake_residual <= TOLERANCE:
+        if not self.drake_residual <= _TOLERANCE:
             return f"StaticEquilibriumProblem leaves {self.drake_residual:.2g} of the weight"
-        if not self.drake_spare_friction >= -TOLERANCE * weight:
+        if not self.drake_spare_friction >= -_TOLERANCE * weight:
             return "StaticEquilibriumProblem uses more friction than there is"
         return ""
 
@@ -71,7 +71,7 @@ def find_equilibria(scene: ScratchScene, holding: Holding) -> tuple[Equilibrium,
     tips = [add_tip(plant, plant.world_body(), scene, i, on_pad=True) for i in range(3)]
     plant.Finalize()
     weight = scene.solid.M_BBo_B.get_mass() * GRAVITY
-    tolerance = TOLERANCE * weight * min(1.0, scene.object_.rho)
+    tolerance = _TOLERANCE * weight * min(1.0, scene.object_.rho)
     solver = _EquilibriumSolver(builder.Build(), pads, tips, tolerance)
     equilibria = []
     for wrench, f_Bc_B in zip(holding.wrench_B, holding.f_Bc_B, strict=True):

@@ -20,7 +20,7 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import nearest_on_triangles
 from drake_polygrasp.loading.shapes import part_of
-from drake_polygrasp.plant.drake_calls import drake_reason
+from drake_polygrasp.plant.drake_calls import refusal_reason
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class _Part:
                 p_BN = self.X_BG.multiply(found.p_GN)
                 return Nearest(float(found.distance), np.asarray(p_BN))
             except (RuntimeError, SystemExit) as error:
-                self.refusal = drake_reason(error)
+                self.refusal = refusal_reason(error)
         return self._nearest_triangle(p_BQ)
 
     def _nearest_triangle(self, p_BQ: Array) -> Nearest:

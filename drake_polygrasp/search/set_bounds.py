@@ -29,7 +29,7 @@ Opposing: TypeAlias = Callable[[Array, Array], Bools]
 """Tests whether the faces of pairs or triples oppose each other, from their normals and friction;
 the pipeline passes in the paper's test."""
 
-ROUNDING = 1e-5
+_ROUNDING = 1e-5
 """Our choice: bounds are computed in single precision, and are a tie where they differ by less."""
 _AT_ONCE = 4096
 """Pairs whose supports are compared at once, some tens of megabytes."""
@@ -65,9 +65,9 @@ def promising_sets(
     couples = pairs(len(regions.face))
     couples = couples[opposing(regions.nhat_TB_B[couples], regions.mu[couples])]
     sets = np.concatenate([triples, np.pad(couples, ((0, 0), (0, 1)), constant_values=-1)])
-    bound = np.round(np.concatenate([_bounds(H, triples), _bounds(H, couples)]) / ROUNDING)
+    bound = np.round(np.concatenate([_bounds(H, triples), _bounds(H, couples)]) / _ROUNDING)
     order = np.lexsort((*sets.T[::-1], -bound))
-    order = order[bound[order] > above / ROUNDING - 1]
+    order = order[bound[order] > above / _ROUNDING - 1]
     best: Ints = sets[order[:most]]
     return best
 

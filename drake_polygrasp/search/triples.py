@@ -34,7 +34,7 @@ LEVEL = 1e-9
 """Our choice, relative to the greatest reach: less counts as no reach of the wrenches."""
 GUIDING_DIGITS = 9
 """Our choice: decimals of directions, which only guide the search in single precision."""
-ENOUGH = 0.3
+_ENOUGH = 0.3
 """Our choice, times what is kept: force-closure triples that end the passes."""
 MOST_PASSES = 5
 """Our choice, for objects with few such triples, as scans and flat objects on a table."""
@@ -94,7 +94,7 @@ def best_triples(
         holding = _holding(regions, triples)
         holds = triples.take(holding)
         found = join_rows(holds, found)
-        if number + 1 >= len(strides) and len(found.region) >= ENOUGH * effort.kept:
+        if number + 1 >= len(strides) and len(found.region) >= _ENOUGH * effort.kept:
             break
         slips = triples.take(np.setdiff1d(np.arange(len(rows)), holding))
         sources = join_rows(

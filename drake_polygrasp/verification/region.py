@@ -11,7 +11,6 @@ from pydrake.geometry.optimization import VPolytope
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.region_epsilon import (
-    RELATIVE_GAP,
     RegionEpsilon,
     region_epsilon,
 )
@@ -25,13 +24,14 @@ from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.vectors import cross, dot, times
 
-GAPS = (RELATIVE_GAP, RELATIVE_GAP / 2)
-"""Our choice: where usual bounds do not bear a number out, closer ones may."""
-ROUNDING = 1e-6
+_GAPS = (0.02, 0.01)
+"""Our choice: relative gaps of the bounds that are recomputed; where the usual ones do not bear a
+number out, closer ones may."""
+_ROUNDING = 1e-6
 """Our choice, relative: what processors change in bounds of six digits."""
-UPPER_SLACK = 0.1
+_UPPER_SLACK = 0.1
 """Our choice, relative: upper bounds are of the worst placement that a search finds."""
-Pieces = tuple[tuple[SurfacePiece, ...], ...]
+_Pieces = tuple[tuple[SurfacePiece, ...], ...]
 
 
 def region_violations(stated: StatedGrasp) -> Iterator[str]:
@@ -46,7 +46,7 @@ def region_violations(stated: StatedGrasp) -> Iterator[str]:
     region, grasp = stated.region, stated.grasp
     if region is None:
         return
-    check = check_region(region, region.pieces, grasp.mu)
+    check = check_region_claim(region, region.pieces, grasp.mu)
     if not check.ok:
         yield f"the region is not proved: {check.reason}"
     for i, pieces in enumerate(region.pieces):
@@ -57,7 +57,7 @@ def region_violations(stated: StatedGrasp) -> Iterator[str]:
                 yield f"the region of contact {i + 1} does not hold its disc: {check.reason}"
 
 
-def check_region(region: RegionCertificate, pieces: Pieces, mu: Array) -> exact.Check:
+def check_region_claim(region: RegionCertificate, pieces: _Pieces, mu: Array) -> exact.Check:
     """Checks exactly that a region's internal force proves force closure on given pieces.
 
     Args:
@@ -89,7 +89,7 @@ def region_number_violations(stated: StatedGrasp, object_: StatedObject) -> list
     ):
         return []
     violations: list[str] = []
-    for relative_gap in GAPS:
+    for relative_gap in _GAPS:
         found = region_epsilon(
             region.pieces,
             stated.grasp.mu,
@@ -109,16 +109,16 @@ def region_number_violations(stated: StatedGrasp, object_: StatedObject) -> list
 
 def _bound_violations(region: RegionCertificate, found: RegionEpsilon) -> Iterator[str]:
     lower, upper, squeeze = region.epsilon_lower, region.epsilon_upper, region.squeeze_force
-    if lower is not None and not lower <= found.epsilon_lower * (1 + ROUNDING):
+    if lower is not None and not lower <= found.epsilon_lower * (1 + _ROUNDING):
         yield f"region.epsilon_lower is {lower:.6g}, more than the {found.epsilon_lower:.6g} found"
-    if upper is not None and not upper >= found.epsilon_lower * (1 - ROUNDING):
+    if upper is not None and not upper >= found.epsilon_lower * (1 - _ROUNDING):
         yield f"region.epsilon_upper is {upper:.6g}, less than the {found.epsilon_lower:.6g} found"
-    if upper is not None and not upper <= found.epsilon_upper * (1 + UPPER_SLACK) + ROUNDING:
+    if upper is not None and not upper <= found.epsilon_upper * (1 + _UPPER_SLACK) + _ROUNDING:
         yield f"region.epsilon_upper is {upper:.6g}, more than the {found.epsilon_upper:.6g} found"
     if squeeze is not None and found.squeeze_force is None:
         yield f"region.squeeze_force is {squeeze:.6g}, and none is found that holds the weight"
     elif squeeze is not None and not squeeze >= (least := found.squeeze_force or 0.0) * (
-        1 - ROUNDING
+        1 - _ROUNDING
     ):
         yield f"region.squeeze_force is {squeeze:.6g}, less than the {least:.6g} found"
 
@@ -153,7 +153,7 @@ def region_surface_violations(
                 return
     # On the boundary of closure the tolerances above would let pass what does not hold.
     mu = np.minimum(stated.grasp.mu, polyhedron.mu[touched.face])
-    check = check_region(region, tuple(found), mu)
+    check = check_region_claim(region, tuple(found), mu)
     if not check.ok:
         yield f"with the surface's own pieces, {check.reason}"
 
@@ -174,7 +174,7 @@ def _holds(held: SurfacePiece, piece: SurfacePiece, diameter: float) -> bool:
     if high[2] - low[2] <= 4 * tolerance:
         polygon = shapely.convex_hull(shapely.MultiPoint(p_FH[:, :2]))
         return bool(shapely.distance(polygon, shapely.points(p_FV[:, :2])).max() <= tolerance)
-    # Pieces that were made here too have the same corners; only others need a program each.
+    # _Pieces that were made here too have the same corners; only others need a program each.
     apart = np.array([np.abs(p_FH - p).max(axis=1).min() > tolerance for p in p_FV])
     hull = VPolytope(p_FH.T)
     return all(hull.PointInSet(p, tolerance) for p in p_FV[apart])

@@ -40,7 +40,7 @@ class CheckResult:
 
 
 @dataclass(frozen=True)
-class GraspReport:
+class GraspVerification:
     """The three checks of one grasp, and its verdicts in a plant.
 
     Attributes:
@@ -78,7 +78,7 @@ class VerificationReport:
     """
 
     path: Path
-    grasps: tuple[GraspReport, ...]
+    grasps: tuple[GraspVerification, ...]
     model_checked: bool
     warnings: tuple[str, ...] = ()
 

@@ -47,7 +47,12 @@ from drake_polygrasp.verification.stated_model import find_stated_model, load_st
 
 if TYPE_CHECKING:
     from drake_polygrasp.loading.surroundings import Surroundings
-from drake_polygrasp.verification.report import CheckResult, GraspReport, Status, VerificationReport
+from drake_polygrasp.verification.report import (
+    CheckResult,
+    GraspVerification,
+    Status,
+    VerificationReport,
+)
 
 
 @dataclass(frozen=True)
@@ -108,7 +113,7 @@ def verify_file(
     model, avoided = _find_model(file, package_paths, packages), file.plan.exclusion
     # A file may state numbers of any size; every comparison below fails if one overflows.
     with np.errstate(all="ignore"):
-        grasps: list[GraspReport] = []
+        grasps: list[GraspVerification] = []
         for stated in file.grasps:
             tell(len(grasps), len(file.grasps))
             grasps.append(_verify_grasp(stated, file.object_, model, avoided))
@@ -126,7 +131,7 @@ def verify_file(
 
 def _verify_grasp(
     stated: StatedGrasp, object_: StatedObject, model: _Model, avoided: Exclusion
-) -> GraspReport:
+) -> GraspVerification:
     surface, clearance = model.line, None
     if model.object_ is not None:
         surface, clearance = _check_surface(stated, model.object_, avoided)
@@ -136,7 +141,7 @@ def _verify_grasp(
         if forces.status is Status.FAILED
         else _check_numbers(stated, object_, clearance)
     )
-    return GraspReport(forces, surface, numbers, stated_plant=stated.plant)
+    return GraspVerification(forces, surface, numbers, stated_plant=stated.plant)
 
 
 def _surroundings(
@@ -155,13 +160,13 @@ def _surroundings(
 
 
 def _with_plant(
-    report: GraspReport,
+    report: GraspVerification,
     stated: StatedGrasp,
     object_: GraspObject,
     package_paths: Sequence[Path | str],
     packages: Mapping[str, str | Path] | None,
     surroundings: Surroundings | None,
-) -> GraspReport:
+) -> GraspVerification:
     """Adds the verdicts of a plant to a report in which no check fails."""
     # Simulation is loaded only if it is asked for.
     from drake_polygrasp.plant.certify_in_plant import certify_in_plant

@@ -72,7 +72,7 @@ def set_shape(
     meshcat.SetTransform(path, _pose(p_BS, zhat_B))
 
 
-def draw_cone(
+def draw_friction_cone(
     meshcat: Meshcat, path: str, p_BC: Array, nhat_B: Array, mu: float, side: float, colour: str
 ) -> None:
     """Draws a friction cone, with sides of one length for any friction.

@@ -17,7 +17,7 @@ from pydrake.geometry import Meshcat
 
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.visualization.palette import CONTACTS, INK, PLANE
-from drake_polygrasp.visualization.scene import PATH, AnyGrasp
+from drake_polygrasp.visualization.scene import PATH, ShownGrasp
 from drake_polygrasp.wrenches.contacts import edge_forces
 
 _NOTE = (
@@ -29,7 +29,7 @@ _NOTE = (
 def save_html(
     file: Path | str,
     meshcat: Meshcat,
-    grasps: Sequence[AnyGrasp] = (),
+    grasps: Sequence[ShownGrasp] = (),
     *,
     title: str = "drake_polygrasp",
     path: str = PATH,
@@ -73,7 +73,7 @@ def save_html(
         raise UsageError(f"{file}: cannot be written: {error.strerror}") from error
 
 
-def _rows(grasp: AnyGrasp) -> list[tuple[Any, ...]]:
+def _rows(grasp: ShownGrasp) -> list[tuple[Any, ...]]:
     """Returns the panel's rows on a grasp: name, value and, for drawn parts, a colour."""
     contacts, certificate = grasp.grasp, grasp.certificate
     squeeze = certificate.squeeze_force

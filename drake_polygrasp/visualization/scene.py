@@ -20,7 +20,7 @@ from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.visualization.labels import label_F
 from drake_polygrasp.visualization.marks import (
     draw_arrow,
-    draw_cone,
+    draw_friction_cone,
     draw_pieces,
     set_mesh,
     set_shape,
@@ -46,7 +46,7 @@ _LIFT = 1e-3
 
 _NOWHERE = np.empty((0, 3))
 
-AnyGrasp = CertifiedGrasp | StatedGrasp
+ShownGrasp = CertifiedGrasp | StatedGrasp
 """A grasp of a plan, or of a grasp file."""
 
 
@@ -82,7 +82,7 @@ def draw_object(
 def draw_grasp(
     meshcat: Meshcat,
     object_: GraspObject,
-    grasp: AnyGrasp,
+    grasp: ShownGrasp,
     *,
     tip_radius: float | None = None,
     path: str = f"{PATH}/grasp",
@@ -122,7 +122,7 @@ def draw_grasp(
         set_shape(meshcat, f"{here}/fingertip", sphere, colour, 0.75, p_BT)
         # Fingertips are drawn last, so that the discs show through them.
         meshcat.SetProperty(f"{here}/fingertip/<object>", "renderOrder", 2.0)
-        draw_cone(meshcat, f"{here}/friction_cone", p_BC, nhat_B, mu, _CONE * L, colour)
+        draw_friction_cone(meshcat, f"{here}/friction_cone", p_BC, nhat_B, mu, _CONE * L, colour)
         draw_arrow(meshcat, f"{here}/force", p_BC, FORCE_SCALE * L * f_Bc_B[i], 0.007 * L, colour)
         if (region := grasp.region) is not None:
             draw_pieces(meshcat, f"{here}/region", region.pieces[i], 3 * _LIFT * L, colour)
@@ -137,7 +137,7 @@ def draw_grasp(
 def draw_grasps(
     meshcat: Meshcat,
     object_: GraspObject,
-    grasps: Sequence[AnyGrasp],
+    grasps: Sequence[ShownGrasp],
     *,
     tip_radius: float | None = None,
     path: str = PATH,
@@ -175,7 +175,7 @@ def show_rank(meshcat: Meshcat, rank: int, count: int, path: str = PATH) -> None
         meshcat.SetProperty(f"{path}/grasps/{other}", "visible", other == rank)
 
 
-def look_at(meshcat: Meshcat, object_: GraspObject, grasp: AnyGrasp | None = None) -> None:
+def look_at(meshcat: Meshcat, object_: GraspObject, grasp: ShownGrasp | None = None) -> None:
     """Sets the camera and a plain background of a Meshcat that shows only this object.
 
     Among a few views from above around the object, it takes the one that sees most of the grasp
@@ -198,7 +198,7 @@ def look_at(meshcat: Meshcat, object_: GraspObject, grasp: AnyGrasp | None = Non
     meshcat.SetCameraPose(centre + 2.4 * L * best_view(grasp), centre)
 
 
-def best_view(grasp: AnyGrasp | None) -> Array:
+def best_view(grasp: ShownGrasp | None) -> Array:
     """Returns the direction from the object to the eye that `look_at` chooses.
 
     Args:

@@ -19,13 +19,13 @@ from drake_polygrasp.visualization.meshes import (
     surface_triangles,
 )
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
-from drake_polygrasp.visualization.scene import FORCE_SCALE, AnyGrasp, best_view, view_of_faces
+from drake_polygrasp.visualization.scene import FORCE_SCALE, ShownGrasp, best_view, view_of_faces
 from drake_polygrasp.wrenches.contacts import edge_forces
 
 _MM = 1e3
 
 
-def draw_sketch(ax: Axes3D, object_: GraspObject, grasp: AnyGrasp | None = None) -> None:
+def draw_sketch(ax: Axes3D, object_: GraspObject, grasp: ShownGrasp | None = None) -> None:
     """Draws an object and, if one is given, a grasp of it: contacts, forces and their triangle.
 
         draw_sketch(plt.figure().add_subplot(projection="3d"), box, plan.grasps[0])
@@ -79,7 +79,7 @@ def _draw_surface(ax: Axes3D, object_: GraspObject, tints: Mapping[int, str]) ->
     _frame(ax, _MM * surface_vertices(object_.polyhedron))
 
 
-def _draw_contacts(ax: Axes3D, object_: GraspObject, grasp: AnyGrasp) -> None:
+def _draw_contacts(ax: Axes3D, object_: GraspObject, grasp: ShownGrasp) -> None:
     p_BC = grasp.grasp.p_BC
     f_Bc_B = edge_forces(p_BC[None], grasp.certificate.internal_force[None])[0]
     ax.add_collection3d(

@@ -17,7 +17,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.vectors import circle, cross_first
 
-CHUNK = 256
+_CHUNK = 256
 """Number of grasps processed together, so that their twists stay in the processor's cache."""
 TINY = 1e-30
 """Keeps divisions finite, in single precision too."""
@@ -102,12 +102,12 @@ def grasps_last(values: Array) -> Array:
 
 
 def chunks(num: int) -> list[slice]:
-    """Returns slices of `CHUNK` rows that together cover all grasps, at least one slice.
+    """Returns slices of `_CHUNK` rows that together cover all grasps, at least one slice.
 
     Args:
         num: number of grasps.
     """
-    return [slice(first, first + CHUNK) for first in range(0, max(num, 1), CHUNK)]
+    return [slice(first, first + _CHUNK) for first in range(0, max(num, 1), _CHUNK)]
 
 
 @cache

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drake_polygrasp.certification.contact_regions import (
+    CertifiedRegions,
     DiscPolygon,
-    RegionCertificate,
     certify_regions,
     largest_certified_radius,
 )
@@ -16,7 +16,7 @@ from drake_polygrasp.wrenches.contacts import force_closure
 from tests.support.common import box_grasp, prism_grasp, random_contacts, random_rotations
 
 
-def is_proved(certificate: RegionCertificate, mu, wider: float = 1.0) -> bool:
+def is_proved(certificate: CertifiedRegions, mu, wider: float = 1.0) -> bool:
     regions = [
         [
             (
@@ -85,7 +85,7 @@ def test_no_other_internal_force_bears_discs_that_are_much_larger():
         for width in (0.003, 0.03, 0.3):
             for _ in range(30):
                 other = x + width * np.abs(x).max() * rng.normal(size=3)
-                rival = RegionCertificate(other, found.regions, x, 0.0, 0.0)
+                rival = CertifiedRegions(other, found.regions, x, 0.0, 0.0)
                 assert not is_proved(rival, mu, wider=1.01)
 
 

@@ -19,7 +19,7 @@ from pydrake.common.yaml import yaml_load_file
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.grasp_file import grasp_document, load_grasps, save_grasps
-from drake_polygrasp.files.plain_yaml import MAX_BYTES
+from drake_polygrasp.files.plain_yaml import MAX_YAML_BYTES
 from drake_polygrasp.files.stated_grasp import GraspFile, StatedPlan
 from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
 from drake_polygrasp.grasp import (
@@ -371,7 +371,7 @@ def test_a_missing_a_huge_and_an_endless_file_are_refused(tmp_path: Path) -> Non
         load_grasps(tmp_path / "none.grasp.yaml")
     huge = tmp_path / "huge.grasp.yaml"
     with huge.open("wb") as file:
-        file.truncate(MAX_BYTES + 1)
+        file.truncate(MAX_YAML_BYTES + 1)
     with pytest.raises(GraspFileError, match="larger than"):
         load_grasps(huge)
     with pytest.raises(GraspFileError, match="not a regular file"):

@@ -9,7 +9,7 @@ from drake_polygrasp import UsageError, explain_sets, plan_grasps
 from drake_polygrasp.certification import exact
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.surface_contact import edge_distance
-from drake_polygrasp.pipeline.friction_left import NO_FRICTION, friction_left, friction_needed
+from drake_polygrasp.pipeline.friction_left import NO_FRICTION, friction_left, friction_that_leaves
 from drake_polygrasp.settings import MAX_TILT_ERROR, PlanOptions
 from tests.support.convex_polyhedra import prism
 from tests.support.miss_judge import is_force_closure
@@ -26,10 +26,10 @@ def test_the_friction_that_is_left_is_the_closed_form() -> None:
     assert left == pytest.approx([LEFT, NO_FRICTION, LEFT], abs=1e-7)
     assert friction_left(np.array([MU]), 0.0, SHARE) == pytest.approx([0.24])
     assert friction_left(np.array([MU]), TILT, 0.0) == pytest.approx([np.tan(np.arctan(MU) - TILT)])
-    assert friction_needed(LEFT, TILT, SHARE) == pytest.approx(MU, abs=1e-6)
+    assert friction_that_leaves(LEFT, TILT, SHARE) == pytest.approx(MU, abs=1e-6)
     # arctan(5) + 0.5 is beyond a right angle.
-    assert friction_needed(5.0, 0.5, 0.0) is None
-    assert friction_needed(MU, 0.0, 0.0) == MU
+    assert friction_that_leaves(5.0, 0.5, 0.0) is None
+    assert friction_that_leaves(MU, 0.0, 0.0) == MU
 
 
 def test_a_tilt_that_leaves_no_friction_is_refused_with_the_greatest_that_does() -> None:

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from drake_polygrasp.verification.report import GraspReport, Status
+from drake_polygrasp.verification.report import GraspVerification, Status
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.grasp_files import Document, edit, write_box
 from tests.support.grasp_regions import GREATEST, box_region, in_pieces
 
 
-def verified(folder: Path, region: Document) -> GraspReport:
+def verified(folder: Path, region: Document) -> GraspVerification:
     file = edit(write_box(folder), lambda d: d["grasps"][0].update(region=region))
     return verify_file(file).grasps[0]
 
