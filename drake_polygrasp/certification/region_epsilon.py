@@ -43,13 +43,17 @@ from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
 _RELATIVE_GAP = 0.02
 """Our choice: how far apart the bounds may stay, over the upper one."""
-_FIRST_GAPS = (0.05, 0.01)
-"""Our choice: how near to its support the first hull comes, over the bound at the middles."""
+_ATTEMPTS = (
+    (0.05, (1.0,)),
+    (0.01, (0.1, 0.2, 0.35, 0.5, 0.6, 0.7, 0.78, 0.85, 0.9, 0.95, 1.0)),
+)
+"""Our choice: how near to its support a hull comes, over its own distance, and the shares by which
+regions grow around their middles until its facets prove something for all of them."""
 _MOST_CRITICAL = 12
 _DIGITS = 9
 """Our choice: decimals of what is compared."""
 _STEEPEST, _HAIR = 1e9, 1e-14
-"""Our choice: the tangent of a right angle; and what sines and cosines are off, relative."""
+"""Our choice: the tangent of a right angle; and what tangents and friction are off, relative."""
 _FIRST_TURNS = np.array([0.3, 1.9, 3.4, 5.0])
 _MOST_FIRST, _MOST_INSERTIONS = 40, 30
 """Our choice: generators that are added at most to the first hull, and to its facets."""
@@ -158,8 +162,8 @@ def region_epsilon(
         relative_gap,
     )
     norms = [LoadNorm(com_error / rho, forces_only) for forces_only in (False, True)]
-    for gap in _FIRST_GAPS:
-        outcome = _attempt(task, norms if mass else norms[:1], gap)
+    for gap, shares in _ATTEMPTS:
+        outcome = _attempt(task, norms if mass else norms[:1], gap, shares)
         if not outcome.is_open:
             break
     epsilon, weight = outcome.proofs[0], outcome.proofs[1] if mass else None
@@ -201,7 +205,9 @@ class _Outcome:
     is_open: bool
 
 
-def _attempt(task: _Task, norms: Sequence[LoadNorm], gap: float) -> _Outcome:
+def _attempt(
+    task: _Task, norms: Sequence[LoadNorm], gap: float, shares: Sequence[float]
+) -> _Outcome:
     """Proves what facets of a hull prove that is within a gap of its support."""
     generators = SweptGenerators(task.contacts)
     simplices, w = _first_facets(generators, gap)
@@ -214,9 +220,16 @@ def _attempt(task: _Task, norms: Sequence[LoadNorm], gap: float) -> _Outcome:
         if is_around:
             ceiling = _Ceiling(generators, task.served, norm)
             ceiling.lowered(task.start)
-            facets = raised(
-                generators, facets, norm, ceiling.lowered, task.relative_gap, _MOST_INSERTIONS
-            )
+            for share in shares:
+                generators.range_by(share)
+                facets = swept_facets(generators, facets.simplices, facets.twists, norm)
+                facets = raised(
+                    generators, facets, norm, ceiling.lowered, task.relative_gap, _MOST_INSERTIONS
+                )
+                # What is lost in smaller regions is not found in larger ones.
+                if facets.values.min() <= 0.0:
+                    break
+            generators.range_by(1.0)
             proof = _proved(generators, facets, norm)
             simplices, w = facets.simplices, facets.twists
             is_open |= proof is None and ceiling.bound > 0.0

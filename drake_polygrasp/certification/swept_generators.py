@@ -109,7 +109,8 @@ class SweptGenerators:
         self.force = np.zeros((0, most, 3))
         self.middle = np.zeros((0, 6))
         num = most * contacts.r_V.shape[1]
-        self._rows = np.zeros((6, 0, num))
+        self._share = 1.0
+        self._full = self._rows = np.zeros((6, 0, num))
 
     def __len__(self) -> int:
         """Counts generators."""
@@ -130,7 +131,18 @@ class SweptGenerators:
         self.contact = np.concatenate([self.contact, contact])
         self.force = np.concatenate([self.force, force])
         self.middle = np.concatenate([self.middle, np.hstack([first, cross(r, first)])])
-        self._rows = np.concatenate([self._rows, rows], axis=1)
+        self._full = np.concatenate([self._full, rows], axis=1)
+        self.range_by(self._share)
+
+    def range_by(self, share: float) -> None:
+        """Shrinks wrenches towards those in `middle`, for a surface that grows with its regions.
+
+        Args:
+            share: of the way from those to the wrenches in the regions, 1 for all of it.
+        """
+        self._share = share
+        middle = self.middle.T[:, :, None]
+        self._rows = self._full if share == 1.0 else middle + share * (self._full - middle)
 
     def add_rims(self, turns: Array) -> None:
         """Adds generators on the rims of each contact's cones.
