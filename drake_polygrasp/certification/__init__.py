@@ -25,7 +25,13 @@ from drake_polygrasp import lazy_names
 
 if TYPE_CHECKING:
     from drake_polygrasp.certification.certify import Proof, prove, prove_many
-    from drake_polygrasp.certification.exact import attained_margin, check_force_closure
+    from drake_polygrasp.certification.contact_regions import largest_certified_radius
+    from drake_polygrasp.certification.exact import (
+        attained_margin,
+        check_force_closure,
+        check_region,
+        narrowed_friction,
+    )
     from drake_polygrasp.certification.holding_forces import (
         Holding,
         HoldingProgram,
@@ -43,9 +49,12 @@ __all__ = [
     "Proof",
     "attained_margin",
     "check_force_closure",
+    "check_region",
     "epsilon_interval",
     "friction_needed",
     "hold",
+    "largest_certified_radius",
+    "narrowed_friction",
     "normal_forces",
     "prove",
     "prove_many",
@@ -55,7 +64,8 @@ __getattr__, __dir__ = lazy_names(
     __name__,
     {
         "certify": ("Proof", "prove", "prove_many"),
-        "exact": ("attained_margin", "check_force_closure"),
+        "contact_regions": ("largest_certified_radius",),
+        "exact": ("attained_margin", "check_force_closure", "check_region", "narrowed_friction"),
         "holding_forces": ("Holding", "HoldingProgram", "friction_needed", "hold", "normal_forces"),
         "robustness": ("GRAVITY", "Interval", "epsilon_interval"),
     },

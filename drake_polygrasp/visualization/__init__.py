@@ -12,7 +12,7 @@
 | palette.py | the colours that scenes and figures share |
 | marks.py | single meshes, shapes, cones, arrows and pieces of a surface in a Meshcat |
 | labels.py | face numbers as flat shapes |
-| meshes.py | triangles and edges of faces, to be drawn |
+| meshes.py | triangles, edges and outlines to be drawn |
 """
 
 from __future__ import annotations

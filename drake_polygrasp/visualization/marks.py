@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba, Shape
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.surface_pieces import SurfacePiece
-from drake_polygrasp.geometry.triangles import face_frame
+from drake_polygrasp.visualization.meshes import piece_outline
 from drake_polygrasp.visualization.palette import INK, rgb
 
 _MANY = 2000
@@ -131,7 +130,7 @@ def draw_pieces(
         lift: distance from the surface, outward [m].
         colour: "#rrggbb".
     """
-    outlines = [_outline(piece, lift) for piece in pieces]
+    outlines = [piece_outline(piece, lift) for piece in pieces]
     fans = [
         np.stack([np.broadcast_to(p[0], p[1:-1].shape), p[1:-1], p[2:]], axis=1) for p in outlines
     ]
@@ -139,16 +138,6 @@ def draw_pieces(
     start = np.concatenate(outlines)
     end = np.concatenate([np.roll(p, -1, axis=0) for p in outlines])
     meshcat.SetLineSegments(f"{path}/border", start.T, end.T, 1.5, Rgba(*rgb(INK)))
-
-
-def _outline(piece: SurfacePiece, lift: float) -> Array:
-    """Returns the outline of a piece as seen along its normal, on its outermost plane, (n, 3)."""
-    R_BF = face_frame(-piece.nhat_TB_B)
-    p_FV = piece.p_BV @ R_BF
-    hull = shapely.convex_hull(shapely.MultiPoint(p_FV[:, :2]))
-    xy = shapely.get_coordinates(hull)[:-1]
-    height = np.full((len(xy), 1), p_FV[:, 2].max() + lift)
-    return np.asarray(np.hstack([xy, height]) @ R_BF.T)
 
 
 def _let_through(meshcat: Meshcat, path: str, opacity: float) -> None:

@@ -1,4 +1,4 @@
-"""Computes triangles and edges of faces, to be drawn."""
+"""Computes triangles, edges and outlines to be drawn."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import shapely
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
+from drake_polygrasp.geometry.surface_pieces import SurfacePiece
+from drake_polygrasp.geometry.triangles import face_frame
 
 FEW = 40
 """Our choice: more numbers than this hide each other and the object."""
@@ -115,3 +117,21 @@ def face_edges(faces: Sequence[Face]) -> Array:
             p_BV = face.p_BF + shapely.get_coordinates(ring) @ face.R_BF[:, :2].T
             edges.append(np.stack([p_BV[:-1], p_BV[1:]], axis=1))
     return np.concatenate(edges)
+
+
+def piece_outline(piece: SurfacePiece, lift: float = 0.0) -> Array:
+    """Returns the outline of a piece as seen along its normal, on its outermost plane.
+
+    Args:
+        piece: piece of a body's surface.
+        lift: distance from that plane, outward [m].
+
+    Returns:
+        Corners in order [m], shape (n, 3).
+    """
+    R_BF = face_frame(-piece.nhat_TB_B)
+    p_FV = piece.p_BV @ R_BF
+    hull = shapely.convex_hull(shapely.MultiPoint(p_FV[:, :2]))
+    xy = shapely.get_coordinates(hull)[:-1]
+    height = np.full((len(xy), 1), p_FV[:, 2].max() + lift)
+    return np.asarray(np.hstack([xy, height]) @ R_BF.T)

@@ -16,6 +16,7 @@ from drake_polygrasp.visualization.meshes import (
     face_edges,
     face_triangles,
     numbered_faces,
+    piece_outline,
     surface_triangles,
 )
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
@@ -27,6 +28,8 @@ _MM = 1e3
 
 def draw_sketch(ax: Axes3D, object_: GraspObject, grasp: ShownGrasp | None = None) -> None:
     """Draws an object and, if one is given, a grasp of it: contacts, forces and their triangle.
+
+    Where the grasp has a region, the surface that its contacts may touch is outlined.
 
         draw_sketch(plt.figure().add_subplot(projection="3d"), box, plan.grasps[0])
 
@@ -89,6 +92,12 @@ def _draw_contacts(ax: Axes3D, object_: GraspObject, grasp: ShownGrasp) -> None:
     for p_BCi, f_B, colour in zip(p_BC, f_Bc_B, CONTACTS, strict=True):
         ax.plot(*_MM * p_BCi[:, None], "o", color=colour, markersize=6)
         ax.quiver(*_MM * p_BCi, *scale * f_B, color=colour, linewidth=2)
+    if grasp.region is not None:
+        for pieces, colour in zip(grasp.region.pieces, CONTACTS, strict=True):
+            outlines = [_MM * piece_outline(piece) for piece in pieces]
+            ax.add_collection3d(
+                Poly3DCollection(outlines, facecolors=(*rgb(colour), 0.5), edgecolors=INK)
+            )
 
 
 def _turn(ax: Axes3D, eye: Array) -> None:

@@ -25,7 +25,7 @@ from drake_polygrasp.pipeline.explain import Explanation
 from drake_polygrasp.visualization.directions import draw_directions
 from drake_polygrasp.visualization.explanation import draw_explanation
 from drake_polygrasp.visualization.figures import draw_reasons, draw_trace, save_figure
-from drake_polygrasp.visualization.meshes import section_lines
+from drake_polygrasp.visualization.meshes import piece_outline, section_lines
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE
 from drake_polygrasp.visualization.sketch import draw_faces, draw_sketch
 from tests.support.grasp_files import BOX_SDF
@@ -262,6 +262,28 @@ def test_a_sketch_shows_the_whole_object_and_tints_what_is_touched(with_grasp: b
     )
     touched = {*range(8)} if grasp is None else {*grasp.grasp.faces}
     assert {int(text.get_text()) for text in ax.texts} == touched
+
+
+def test_a_sketch_outlines_what_contacts_may_touch() -> None:
+    bracket = object_("l_bracket")
+    grasp = plan_grasps(bracket, top=1, placement_error=0.002).grasps[0]
+    assert grasp.region is not None
+    numbers = []
+    for shown in (grasp, replace(grasp, region=None)):
+        ax = Figure().add_subplot(projection="3d")
+        draw_sketch(ax, bracket, shown)
+        numbers.append(len(ax.collections))
+    assert numbers[0] == numbers[1] + 3
+    for pieces, p_BC, nhat_TB_B in zip(
+        grasp.region.pieces, grasp.grasp.p_BC, grasp.grasp.nhat_TB_B, strict=True
+    ):
+        (piece,) = pieces
+        arm = piece_outline(piece, lift=0.001) - p_BC
+        following = np.roll(arm, -1, axis=0)
+        area = np.linalg.norm(np.cross(arm, following).sum(axis=0) / 2)
+        # Between a disc of 2 mm and the regular 16-gon around it, where corners are cut at edges.
+        assert np.pi * 0.002**2 < area < 16 * np.tan(np.pi / 16) * 0.002**2 * (1 + 1e-6) + 1e-9
+        assert -arm @ nhat_TB_B == pytest.approx(0.001, abs=1e-9)
 
 
 def test_a_sketch_of_a_body_of_patches_numbers_those_of_the_set() -> None:
