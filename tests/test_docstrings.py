@@ -15,7 +15,6 @@ import drake_polygrasp
 PACKAGE = Path(drake_polygrasp.__file__).parent
 WAITING = {
     "pipeline",
-    "plant",
 }
 """Rooms and files at the top that are not held to it yet."""
 DOCUMENTED = {

@@ -1,19 +1,20 @@
-"""Does it hold in Drake? The grasp in a MultibodyPlant, side by side with the mathematics.
+"""Checks grasps in a MultibodyPlant: contacts, statics and simulation with Drake's own contact.
 
 | file | what it holds |
 |---|---|
-| certify_in_plant.py | five verdicts on a grasp, of mathematics and of Drake: `certify_in_plant` |
-| scratch_plant.py | plants of our own with the object and three fingertips |
-| drake_calls.py | Drake's refusals as answers |
-| surface_distance.py | signed distances to a body's own collision geometry |
-| contact_geometry.py | whether fingertips touch the object where the grasp says |
-| clearance.py | whether fingertips penetrate links on joints or the user's scene |
-| statics.py | Drake's contact forces under gravity along each axis |
-| simulation.py | fingertips that hold the object through time |
-| fingertips.py | three force-controlled fingertips in any plant: `add_fingertips` |
-| harness.py | simulates and records them: `GraspSimulation` |
-| grasp_report.py | whether they held the object, and how far it slipped: `report_grasp` |
-| approach.py | whether they reach their contacts along the normals: `is_approach_clear` |
+| certify_in_plant.py | two verdicts of the certificate and three of Drake: `certify_in_plant` |
+| scratch_plant.py | parts of temporary plants with the object and three fingertips |
+| drake_calls.py | returns Drake's errors and failed assertions as values |
+| surface_distance.py | signed distances to a body's collision geometry |
+| contact_geometry.py | checks that fingertips touch the object at the contacts of the grasp |
+| clearance.py | checks that fingertips penetrate neither links on joints nor the user's scene |
+| loads.py | plans a squeeze, the loads to check it with, and the contact forces that hold them |
+| statics.py | static equilibrium of the plant under gravity along each axis |
+| simulation.py | simulates fingertips that hold the object under each load |
+| fingertips.py | adds three force-controlled fingertips to any plant: `add_fingertips` |
+| harness.py | simulates fingertips and records forces and poses: `GraspSimulation` |
+| grasp_report.py | whether fingertips held the object, and how far it slipped: `report_grasp` |
+| approach.py | whether fingertips can reach contacts along the normals: `is_approach_clear` |
 | grasp_forces.py | a grasp as a system of a diagram: `GraspForces` |
 """
 

@@ -1,4 +1,4 @@
-"""Whether fingertips reach their contacts in the user's scene, along the normals."""
+"""Checks that fingertips can move to their contacts along the normals in the user's scene."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from pydrake.systems.framework import Context
 from drake_polygrasp.plant.fingertips import FingertipSpheres
 
 _TOUCHING = 0.99
-"""Times the radius, our choice: what comes no nearer to a fingertip's centre is not in its way."""
+"""Times the tip radius: geometry farther than this from a fingertip's centre is not hit.
+
+Our choice: below 1, so that the object touched at the contacts does not count as hit."""
 
 
 def is_approach_clear(
@@ -21,17 +23,18 @@ def is_approach_clear(
     standoff: float,
     num_steps: int = 20,
 ) -> bool:
-    """Tells whether fingertips that come straight to their contacts meet nothing on their way.
+    """Checks that fingertips can move to their contacts along the normals without a collision.
 
     Args:
-        plant: finalized, connected to a SceneGraph, and without the fingertips.
-        context: the plant's, which says where everything is.
-        spheres: the fingertips at their contacts, in the world.
-        standoff: how far from the contacts they start, along the normals [m].
-        num_steps: into how many steps the way is divided; only their ends are looked at.
+        plant: finalized plant, connected to a SceneGraph, without the fingertips.
+        context: context of the plant, with the poses of its bodies.
+        spheres: fingertips at their contacts, in the world frame W.
+        standoff: distance from the contacts at which they start [m].
+        num_steps: number of steps of the motion; only positions at their ends are checked.
 
     Returns:
-        Whether they clear each other at the contacts, and all geometry of the plant everywhere.
+        True if the fingertips do not overlap each other at the contacts, nor the geometry of the
+        plant at any position.
     """
     radius = spheres.radius
     if any(np.linalg.norm(p - q) < 2 * radius for p, q in combinations(spheres.p_HT, 2)):

@@ -1,9 +1,9 @@
-"""Whether a grasp holds the real object: five verdicts, of mathematics and of Drake's plant.
+"""Certifies a grasp by five checks: two of the certificate and three in Drake's plant.
 
-The mathematics assumes points, normals and friction. In scratch plants with the object from its
-own file and fingertips of the plan's radius, SceneGraph confirms them (`contact_geometry`),
-`statics` has the plant hold the weight along every axis, and `simulation` does so through time.
-What disagrees is reported as it is.
+The certificate assumes contact points, normals and friction coefficients. In temporary plants with
+the object from its own file and fingertips of the planned radius, `contact_geometry` and
+`clearance` confirm them, `statics` balances the weight along every axis, and `simulation` holds
+it and disturbances over time. A check that disagrees with another is reported as it is.
 """
 
 from __future__ import annotations
@@ -15,15 +15,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydrake.geometry import Meshcat
 
 from drake_polygrasp.arguments import check_array, check_instance, check_length, check_paths
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.certify import Proof, prove
-from drake_polygrasp.certification.holding_forces import Holding, hold
-from drake_polygrasp.certification.robustness import GRAVITY, epsilon_interval, squeeze_force
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import check_same_body
 from drake_polygrasp.grasp import (
@@ -35,31 +32,16 @@ from drake_polygrasp.grasp import (
     Verdict,
     grasp_of,
 )
-from drake_polygrasp.loading.object_model import Solid
 from drake_polygrasp.loading.surroundings import Surroundings
 from drake_polygrasp.plant import simulation, statics
 from drake_polygrasp.plant.clearance import check_clearance
 from drake_polygrasp.plant.contact_geometry import check_geometry
 from drake_polygrasp.plant.drake_calls import Refusal, ask_drake
+from drake_polygrasp.plant.loads import LOAD_SHARE, LoadPlan, LoadsUnavailable, plan_loads
 from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
 
-LOAD_SHARE = 0.8
-"""Ours: of what the squeeze bears in the worst direction. The hand squeezes with the squeeze force
-over this; disturbances, the weight included, are this times squeeze times epsilon."""
-LABELS = (
-    *(f"weight along {sign}{axis}" for sign in "+-" for axis in "xyz"),
-    *(
-        f"{kind} {sign}{axis}"
-        for sign in "+-"
-        for kind in ("force along", "torque about")
-        for axis in "xyz"
-    ),
-    "the wrench that the grasp bears least",
-)
-"""The loads of every plan, in order."""
-_NUM_WEIGHTS = 6
-PADS = "on flat pads at the contacts"
-"""What stood for the object's surface, where that is worth saying."""
+_PADS = "on flat pads at the contacts"
+"""The reason given when pads replace the object's surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,14 +158,14 @@ def certify_in_plant(
 
 
 def _tip_radius(grasp: AnyGrasp, asked: float | None) -> float:
-    """The fingertips' radius [m]: as asked for, or else of the plan that the grasp is from."""
+    """Returns the fingertips' radius [m]: the one asked for, else the one planned for."""
     radius = asked
     if radius is None and not isinstance(grasp, Grasp):
         radius = grasp.tip_radius
     if radius is None:
         raise UsageError(
-            "nothing says how large the fingertips are: give tip_radius [m], or a grasp of "
-            "plan_grasps, which brings it"
+            "the radius of the fingertips is unknown: give tip_radius [m], or a grasp of "
+            "plan_grasps, which states it"
         )
     return check_length("tip_radius", radius)
 
@@ -208,7 +190,7 @@ def _verdict(holds: bool) -> Verdict:
 
 
 def _undecided(name: str, unit: str, refusal: Refusal) -> PlantVerdict:
-    """What a check says that Drake refused to run."""
+    """Returns the verdict of a check in which Drake raised an error."""
     return PlantVerdict(name, Verdict.UNDECIDED, None, unit, f"Drake refuses it: {refusal.reason}")
 
 
@@ -221,98 +203,32 @@ def _geometry(scene: ScratchScene, surroundings: Surroundings) -> PlantVerdict:
         return _undecided("geometry", "m", clear)
     reason = f"measured on triangles, for Drake refuses: {fit.refusal}" if fit.refusal else ""
     faults = fit.faults + clear.faults
-    if clear.margin < fit.margin:  # The first is of what the margin is of.
+    if clear.margin < fit.margin:  # The reason is to explain the margin.
         faults = clear.faults + fit.faults
     reason = faults[0] if faults else reason
     margin = min(fit.margin, clear.margin)
     return PlantVerdict("geometry", _verdict(not faults), margin, "m", reason)
 
 
-@dataclass(frozen=True)
-class LoadsUnavailable:
-    """Why no loads can be planned, or those planned are not simulated."""
-
-    verdict: Verdict
-    reason: str
-
-
-@dataclass(frozen=True, eq=False)
-class LoadPlan:
-    """A squeeze, the loads that it should bear, and the forces that bear them.
-
-    Attributes:
-        squeeze_f_B: forces on B without a load [N], shape (3, 3).
-        holding: contact forces that hold the object under each load.
-        labels: what each load is.
-    """
-
-    squeeze_f_B: Array
-    holding: Holding
-    labels: tuple[str, ...]
-
-    @property
-    def weight(self) -> Holding:
-        """The loads that are the weight along an axis."""
-        return self.holding.rows(slice(_NUM_WEIGHTS))
-
-
-def plan_loads(scene: ScratchScene) -> LoadPlan | LoadsUnavailable:
-    """The weight along each axis, and disturbances along each axis and where W is narrowest.
-
-    A disturbance is a whole load, the weight included: a force [N] along an axis of B or a torque
-    over rho about one, or both along the normal of W's nearest facet.
-    """
-    object_, grasp = scene.object_, scene.grasp
-    if object_.mass is None:
-        return LoadsUnavailable(Verdict.UNDECIDED, "not run: the model states no mass")
-    if not _has_inertia(scene.solid):
-        return LoadsUnavailable(
-            Verdict.UNDECIDED, "not run: about some axis the model states no rotational inertia"
-        )
-    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
-    needed = squeeze_force(*contacts, object_.p_BBcm, object_.rho, object_.mass)
-    if needed is None:
-        return LoadsUnavailable(Verdict.FAILS, "no squeeze holds the weight in every orientation")
-    squeeze = needed / LOAD_SHARE
-    axes = np.concatenate([np.eye(6), -np.eye(6)])
-    weight = object_.mass * GRAVITY * np.concatenate([np.eye(3, 6), -np.eye(3, 6)])
-    epsilon = epsilon_interval(*contacts, object_.p_BBcm, object_.rho)
-    narrowest = -epsilon.normals[epsilon.offsets.argmin()]
-    disturbances = LOAD_SHARE * squeeze * epsilon.lower * np.vstack([axes, narrowest])
-    disturbances[:, 3:] *= object_.rho
-    loads = np.vstack([np.zeros(6), weight, disturbances])
-    holding = hold(grasp, object_.p_BBcm, object_.rho, loads, squeeze)
-    if holding is None:
-        return LoadsUnavailable(Verdict.FAILS, "no contact forces hold the loads")
-    return LoadPlan(holding.f_Bc_B[0], holding.rows(slice(1, None)), LABELS)
-
-
 def _plan(scene: ScratchScene) -> LoadPlan | LoadsUnavailable:
-    """`plan_loads`, or that Drake refuses to."""
+    """Returns `plan_loads`, with an error of Drake as a reason."""
     plan = ask_drake(lambda: plan_loads(scene))
     if isinstance(plan, Refusal):
         return LoadsUnavailable(Verdict.UNDECIDED, f"not run: Drake plans no forces: {plan.reason}")
     return plan
 
 
-def _has_inertia(solid: Solid) -> bool:
-    """Whether the body resists turning about every axis, without which Drake moves nothing."""
-    M = solid.M_BBo_B
-    central = M.Shift(M.get_com()).CalcRotationalInertia()
-    return bool(min(central.CalcPrincipalMomentsOfInertia()) > 0)
-
-
 def _simulated(
     scene: ScratchScene, plan: LoadPlan, meshcat: Meshcat | None
 ) -> simulation.SimulationRecord | Refusal | LoadsUnavailable:
-    """What happens under the loads, or why that is not simulated."""
+    """Simulates the loads, or returns why they cannot be simulated."""
     squeeze = plan.holding.squeeze
     step = simulation.time_step(scene, squeeze)
     if step < simulation.MIN_TIME_STEP:
         return LoadsUnavailable(
             Verdict.UNDECIDED,
-            f"not run: to simulate a squeeze of {squeeze:.2g} N on this mass and inertia takes "
-            f"time steps of {step:.1g} s, which are too many",
+            f"not run: a squeeze of {squeeze:.2g} N on this mass and inertia needs time steps of "
+            f"{step:.1g} s, below the least of {simulation.MIN_TIME_STEP:.1g} s",
         )
     return ask_drake(lambda: simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat))
 
@@ -326,7 +242,7 @@ def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium] | Refusal
         if equilibrium.fault
     ]
     spare = float(plan.weight.spare_friction.min())
-    reason = faults[0] if faults else PADS
+    reason = faults[0] if faults else _PADS
     return PlantVerdict("statics", _verdict(not faults and spare > 0), spare, "N", reason)
 
 
@@ -340,7 +256,7 @@ def _simulation(
     if isinstance(trace, Refusal):
         return _undecided("simulation", "1", trace)
     outcome = simulation.judge(trace, len(plan.labels), scene.object_.polyhedron.diameter)
-    reason = "" if scene.solid.is_hulls else PADS
+    reason = "" if scene.solid.is_hulls else _PADS
     if outcome.lost is not None:
         under = plan.labels[outcome.lost] if outcome.lost >= 0 else "squeeze"
         reason = f"a fingertip loses the object: {under}"

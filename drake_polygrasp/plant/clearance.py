@@ -1,4 +1,4 @@
-"""Checks that fingertips penetrate neither links on joints nor the user's scene, by SceneGraph."""
+"""Checks by SceneGraph that fingertips penetrate no link on a joint and no body of the scene."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from drake_polygrasp.plant.surface_distance import SurfaceDistance
 
 
 class Clearance(NamedTuple):
-    """How clear fingertips are of what stands around the object.
+    """Clearance of fingertips from the geometry around the object.
 
     Attributes:
-        margin: what the deepest penetration leaves of its tolerance [m]; infinite if nothing is
-            near.
-        faults: which fingertip penetrates what, and by how much; the deepest first.
+        margin: tolerance minus the deepest penetration [m]; infinite if there is no geometry.
+        faults: a message for each penetration beyond the tolerance, the deepest first.
     """
 
     margin: float
@@ -25,13 +24,20 @@ class Clearance(NamedTuple):
 
 
 def check_clearance(scene: ScratchScene, surroundings: Surroundings) -> Clearance:
-    """Measures from the fingertips' centres to links on the object's joints and all around it.
+    """Measures how far fingertips are from links on the object's joints and from other bodies.
 
-    The tolerance is 2 `FLATNESS` L, for what stands around was not modelled closer; the planner
-    keeps fingertips clear to `TIP_SLACK` L.
+    The tolerance is 2 `FLATNESS` L, the accuracy to which obstacles are modelled in planning. The
+    planner itself keeps fingertips clear to `TIP_SLACK` L.
+
+    Args:
+        scene: object and grasp.
+        surroundings: other bodies of the user's scene.
+
+    Returns:
+        The clearance, with one message for each fingertip and shape that overlap.
 
     Raises:
-        RuntimeError: when Drake takes a shape for no geometry, or SystemExit where it asserts so.
+        RuntimeError: when Drake rejects a shape; SystemExit when one of its assertions fails.
     """
     tolerance = 2 * FLATNESS * scene.object_.polyhedron.diameter
     margin, faults = math.inf, list[tuple[float, str]]()
@@ -43,4 +49,4 @@ def check_clearance(scene: ScratchScene, surroundings: Surroundings) -> Clearanc
             if depth > tolerance:
                 faults.append((depth, f"fingertip {i} penetrates '{name}' by {depth:.2g} m"))
     faults.sort(key=lambda fault: -fault[0])
-    return Clearance(margin, tuple(said for _, said in faults))
+    return Clearance(margin, tuple(message for _, message in faults))

@@ -1,7 +1,7 @@
-"""Checks that fingertips touch the object exactly where a grasp says, by SceneGraph and the facets.
+"""Checks by SceneGraph and the facets that fingertips touch the object at the grasp's contacts.
 
-Distances are those from points to the true surface of each shape; between two shapes SceneGraph
-would take a Mesh for its convex hull.
+Distances are measured from points, to the true surface of each shape. Between two shapes,
+SceneGraph would replace a Mesh by its convex hull.
 """
 
 from __future__ import annotations
@@ -26,16 +26,18 @@ from drake_polygrasp.plant.scratch_plant import ScratchScene, add_surface, add_t
 from drake_polygrasp.plant.surface_distance import Nearest, SurfaceDistance
 
 _ROUNDING = 1e-9
-"""Ours, relative: what a combination of friction coefficients may be off."""
+"""Relative tolerance of a pair's combined friction coefficient. Our choice."""
 
 
 class Fit(NamedTuple):
-    """How well a grasp fits the object.
+    """Agreement of a grasp's contacts with the object's collision geometry.
 
     Attributes:
-        margin: what the worst distance leaves of its tolerance [m].
-        faults: what is wrong, of distances the worst first; nothing where the grasp fits.
-        refusal: why Drake did not measure a distance, which was then measured on triangles.
+        margin: tolerance minus the greatest deviation [m].
+        faults: a message for each disagreement, distances last and the greatest first; empty if
+            the grasp agrees.
+        refusal: why Drake could not measure a distance, which was then measured on triangles;
+            empty if Drake measured all.
     """
 
     margin: float
@@ -44,12 +46,18 @@ class Fit(NamedTuple):
 
 
 def check_geometry(scene: ScratchScene) -> Fit:
-    """Checks contacts, normals, friction and room for the fingertips against the model.
+    """Compares contacts, normals, friction and fingertip clearance with the model.
 
-    Every distance has the tolerance `ON_SURFACE` L.
+    The tolerance of every distance is `ON_SURFACE` L.
+
+    Args:
+        scene: object and grasp.
+
+    Returns:
+        The agreement, with one message for each fault.
 
     Raises:
-        RuntimeError: when Drake takes a shape for no geometry, or SystemExit where it asserts so.
+        RuntimeError: when Drake rejects a shape; SystemExit when one of its assertions fails.
     """
     surface = SurfaceDistance(scene.solid.parts)
     tolerance = ON_SURFACE * scene.object_.polyhedron.diameter
@@ -60,7 +68,7 @@ def check_geometry(scene: ScratchScene) -> Fit:
 
 
 def _facet_faults(scene: ScratchScene) -> Iterator[str]:
-    """Where the model's facets do not bear out a contact or its friction."""
+    """Yields a message for each contact that the model's facets contradict."""
     grasp, polyhedron = scene.grasp, scene.object_.polyhedron
     faces = face_at(polyhedron, grasp.p_BC, grasp.nhat_TB_B).tolist()
     for i, (face, mu) in enumerate(zip(faces, grasp.mu.tolist(), strict=True), start=1):
@@ -73,7 +81,7 @@ def _facet_faults(scene: ScratchScene) -> Iterator[str]:
 
 
 def _friction_faults(scene: ScratchScene) -> Iterator[str]:
-    """Where Drake makes another coefficient of the pair than the contact's."""
+    """Yields a message for each pair whose friction in Drake is not the contact's."""
     plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.0)
     surface = add_surface(plant, plant.AddRigidBody("object", scene.solid.M_BBo_B), scene)
     tips = [add_tip(plant, plant.world_body(), scene, i, on_pad=False) for i in range(3)]
@@ -92,7 +100,7 @@ def _friction_faults(scene: ScratchScene) -> Iterator[str]:
 
 
 def _distances(scene: ScratchScene, surface: SurfaceDistance) -> Iterator[tuple[float, str]]:
-    """By how much each thing is off [m], and what that would mean."""
+    """Yields deviations [m], each with the message for one beyond the tolerance."""
     radius, p_BT = scene.tip_radius, scene.p_BT
     for i in range(3):
         tip = surface.nearest(p_BT[i])
@@ -105,13 +113,14 @@ def _distances(scene: ScratchScene, surface: SurfaceDistance) -> Iterator[tuple[
 
 
 def _off_contact(scene: ScratchScene, surface: SurfaceDistance, i: int, tip: Nearest) -> float:
-    """How far sideways of contact i a sphere that should touch there touches the surface [m].
+    """Returns how far from contact i, across its normal, the fingertip touches the surface [m].
 
-    The radius to where a sphere touches is the surface's normal. A fingertip on a noisy surface may
-    touch a second facet as well, as near to its centre as the contact's own to within the
-    tolerance; a smaller sphere touches the contact alone. What it is off grows with the radius, and
-    is returned as of the fingertip's. Nothing is measured on the surface itself, where Drake's
-    gradient of the distance is no normal.
+    This compares the normal too, since a sphere touches where its radius is normal to the surface.
+    On a noisy surface a fingertip may also touch a second facet, as near to its centre within the
+    tolerance; a smaller sphere touches only the facet of the contact. Its deviation is scaled by
+    the ratio of the radii, since a wrong normal moves the point in proportion to the radius. We do
+    not compare normals at the contact itself: on the surface, Drake's gradient of the distance may
+    not be a normal.
     """
     p_BC, nhat_TB_B = scene.grasp.p_BC[i], scene.grasp.nhat_TB_B[i]
     tolerance = ON_SURFACE * scene.object_.polyhedron.diameter

@@ -1,4 +1,4 @@
-"""Drake's refusals, its failed assertions too, as answers and not as errors."""
+"""Returns Drake's errors and failed assertions as values."""
 
 from __future__ import annotations
 
@@ -10,24 +10,34 @@ from typing import TypeVar
 from drake_polygrasp.errors import PolygraspError
 
 _T = TypeVar("_T")
-MAX_REASON = 200
-"""Of Drake's words, ours."""
+_MAX_REASON = 200
+"""Characters of a message of Drake that are kept. Our choice."""
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why Drake did not answer."""
+    """An error that Drake raised in place of a result.
+
+    Attributes:
+        reason: Drake's message, on one line.
+    """
 
     reason: str
 
 
 def ask_drake(question: Callable[[], _T]) -> _T | Refusal:
-    """Returns what `question` returns, or Drake's reason where Drake refuses to answer.
+    """Calls a function that uses Drake, and returns its result or Drake's error.
 
-    Drake raises RuntimeError, ValueError or IndexError, and SystemExit where an assertion fails.
+    Drake raises RuntimeError, ValueError or IndexError, and SystemExit if an assertion fails.
+
+    Args:
+        question: the function to call.
+
+    Returns:
+        Its result, or the reason if Drake raised an error.
 
     Raises:
-        PolygraspError: as the question does.
+        PolygraspError: when the function raises one.
     """
     try:
         return question()
@@ -38,5 +48,9 @@ def ask_drake(question: Callable[[], _T]) -> _T | Refusal:
 
 
 def refusal_reason(error: BaseException) -> str:
-    """Drake's words, on one line and shortened."""
-    return shorten(str(error), MAX_REASON, placeholder=" ...") or type(error).__name__
+    """Returns the message of an error, shortened to one line.
+
+    Args:
+        error: the exception that Drake raised.
+    """
+    return shorten(str(error), _MAX_REASON, placeholder=" ...") or type(error).__name__

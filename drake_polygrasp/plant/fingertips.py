@@ -1,9 +1,9 @@
-"""Three force-controlled spherical fingertips at the contacts of a grasp, in any plant.
+"""Adds three force-controlled spherical fingertips at the contacts of a grasp to any plant.
 
-Each fingertip T slides on a prismatic joint along the normal of its contact. The joints start from
-a body H, the hand: the world, a carriage, the palm of a gripper. Drake's PD control of the joint
-holds T to a commanded position as a spring and a damper would, and a commanded force adds to it.
-Sideways the joint is rigid: friction has to bear what the normal forces leave.
+Each fingertip T slides on a prismatic joint along the normal of its contact. The parent of the
+joints is a body H, the hand: the world, a carriage or the palm of a gripper. Drake's PD control
+pulls T to a commanded position like a spring and a damper; a commanded force is added to it. Across
+the normal the joint is rigid, so friction has to hold the tangential part of the load.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.grasp import Grasp
 
 DISSIPATION = 1.0
-"""[s/m], our choice: Hunt and Crossley's dissipation of each surface."""
+"""Hunt-Crossley dissipation of each surface [s/m]. Our choice."""
 _COLOUR = np.array([0.9, 0.4, 0.1, 1.0])
 
 
@@ -46,7 +46,7 @@ class FingertipSpheres:
     Attributes:
         p_HT: centres in the hand's frame H [m], shape (3, 3).
         nhat_H: unit normals into the object, shape (3, 3).
-        radius: of each sphere [m].
+        radius: radius of each sphere [m].
         mu: friction coefficients of their surfaces, shape (3,); see `fingertip_friction`.
     """
 
@@ -77,13 +77,14 @@ def fingertip_spheres(
 
 
 def fingertip_friction(mu: Array, mu_object: Array | float) -> Array:
-    """Returns the friction of a fingertip's surface that makes the pair's what a grasp counts on.
+    """Returns the friction of a fingertip's surface that gives its pair with the object mu.
 
     Drake combines the coefficients of two surfaces to 2 mu_T mu_B / (mu_T + mu_B).
 
     Args:
-        mu: friction wanted between fingertip and object at each contact, shape (3,).
-        mu_object: friction of the object's own surface there, at least mu / 2; shape (3,) or ().
+        mu: friction coefficient of the pair at each contact, shape (3,).
+        mu_object: friction coefficient of the object's surface there, above mu / 2; shape (3,) or
+            ().
 
     Returns:
         mu_T, shape (3,).
@@ -99,16 +100,19 @@ def contact_material(
     resolution: float | None = None,
     dissipation: float = DISSIPATION,
 ) -> ProximityProperties:
-    """Makes the contact properties of a surface: for point contact, or compliant hydroelastic.
+    """Makes the properties of a surface for point contact or compliant hydroelastic contact.
 
-    Static and dynamic friction are alike, for Drake's discrete contact knows the latter only.
+    Static and dynamic friction are equal, because Drake's discrete contact uses only the latter.
 
     Args:
         mu: friction coefficient.
-        point_stiffness: of point contact [N/m] (default: the plant's own).
-        modulus: hydroelastic modulus [Pa] (default: the surface is not made hydroelastic).
-        resolution: length of the hydroelastic mesh's edges [m]; needed with `modulus`.
-        dissipation: Hunt and Crossley's [s/m].
+        point_stiffness: stiffness of point contact [N/m] (default: the plant's).
+        modulus: hydroelastic modulus [Pa] (default: the surface is not hydroelastic).
+        resolution: length of edges of the hydroelastic mesh [m]; required with `modulus`.
+        dissipation: Hunt-Crossley dissipation [s/m].
+
+    Returns:
+        The properties, for `MultibodyPlant.RegisterCollisionGeometry`.
     """
     properties = ProximityProperties()
     if modulus is not None:
@@ -123,15 +127,15 @@ def contact_material(
 
 
 def fingertip_modulus(normal_force: float, radius: float, penetration: float = 0.02) -> float:
-    """Returns the hydroelastic modulus of a sphere that a normal force presses in only so far.
+    """Returns the hydroelastic modulus at which a normal force gives a sphere a penetration.
 
-    The pressure is modulus times penetration over radius in the middle, and half of that on
-    average over a disc of area 2 pi radius times penetration.
+    With penetration d and radius r [m], the pressure is modulus d / r at the centre and on average
+    half of that, over a disc of area 2 pi r d.
 
     Args:
         normal_force: force on the fingertip [N].
-        radius: of the fingertip [m].
-        penetration: how far it is pressed in, times its radius.
+        radius: radius of the fingertip [m].
+        penetration: penetration over radius.
 
     Returns:
         The modulus [Pa].
@@ -141,15 +145,15 @@ def fingertip_modulus(normal_force: float, radius: float, penetration: float = 0
 
 @dataclass(frozen=True, eq=False)
 class Fingertips:
-    """Fingertips of a plant, and the object that they hold.
+    """Three fingertips of a plant, and the object that they hold.
 
     Attributes:
-        plant: the plant that they are part of.
-        body: the object B.
-        hand: the body H on which they slide.
-        instance: their model instance: its ports take commanded positions, speeds and forces.
-        geometries: the spheres, one a contact.
-        nhat_H: directions in which they slide, into the object, shape (3, 3).
+        plant: plant that they are part of.
+        body: body B of the object.
+        hand: body H on which they slide.
+        instance: their model instance, whose ports take commanded positions, speeds and forces.
+        geometries: collision geometries of the spheres, one per contact.
+        nhat_H: unit directions in which they slide, into the object, shape (3, 3).
     """
 
     plant: MultibodyPlant
@@ -160,18 +164,24 @@ class Fingertips:
     nhat_H: Array
 
     def X_HB(self, context: Context) -> RigidTransform:
-        """Returns the pose of the object in the hand, from the plant's context."""
+        """Returns the pose of the object in the hand.
+
+        Args:
+            context: context of the plant.
+        """
         X_WH = self.plant.EvalBodyPoseInWorld(context, self.hand)
         return X_WH.InvertAndCompose(self.plant.EvalBodyPoseInWorld(context, self.body))
 
     def normal_forces(self, context: Context) -> Array:
-        """Computes the normal forces of the fingertips on the object, of point and surface contact.
+        """Computes the normal forces of the fingertips on the object.
+
+        They are of point contact and of hydroelastic contact.
 
         Args:
-            context: the plant's.
+            context: context of the plant.
 
         Returns:
-            Forces along `nhat_H` [N], shape (3,); 0 where a fingertip does not touch the object.
+            Forces along `nhat_H` [N], shape (3,); 0 for a fingertip that does not touch the object.
         """
         plant = self.plant
         parts = plant.GetBodiesWeldedTo(self.body)
@@ -189,15 +199,18 @@ class Fingertips:
 
 
 def _contact_forces(results: ContactResults) -> Iterator[tuple[GeometryId, GeometryId, Array]]:
-    """Every contact: the geometry that pushes, the one that is pushed, and the force on it [N]."""
+    """Yields each contact: a geometry, the geometry on which it pushes, and the force on that [N].
+
+    Forces are expressed in W.
+    """
     for k in range(results.num_point_pair_contacts()):
         point = results.point_pair_contact_info(k)
-        # Drake reports the force on the second body of a pair of points,
+        # For point contact, Drake reports the force on the second body of the pair.
         pair = point.point_pair()
         yield pair.id_A, pair.id_B, point.contact_force()
     for k in range(results.num_hydroelastic_contacts()):
         patch = results.hydroelastic_contact_info(k)
-        # and on the first of two compliant volumes.
+        # For hydroelastic contact, Drake reports the force on the first body.
         surface = patch.contact_surface()
         yield surface.id_N(), surface.id_M(), patch.F_Ac_W().translational()
 
@@ -220,19 +233,18 @@ def add_fingertips(
         spheres = fingertip_spheres(grasp, 0.01, mu_T, X_WB)
         tips = add_fingertips(plant, body, spheres, mass=0.05, stiffness=1000.0)
 
-    They have no weight. At joint position 0 they touch the object; gravity, contact model and time
-    step are the plant's.
+    Gravity does not act on the fingertips. At joint position 0 they touch the object.
 
     Args:
-        plant: the plant.
-        body: the object B, or a body welded to it.
-        spheres: where the fingertips are at joint position 0.
-        mass: of each [kg].
-        stiffness: of the springs that hold them to commanded positions [N/m]; dampers are critical.
-        material: their contact properties, from the friction of their surface.
-        hand: the body H whose frame `spheres` are in, and on which they slide (default: the world).
+        plant: plant to add them to.
+        body: body B of the object, or a body welded to it.
+        spheres: the fingertips at joint position 0.
+        mass: mass of each fingertip [kg].
+        stiffness: proportional gain of the PD control [N/m]; its damping is critical.
+        material: function that makes contact properties from the friction of the surface.
+        hand: body H, in whose frame `spheres` are and on which they slide (default: the world).
         name: name of their model instance.
-        colours: red, green, blue and opacity of each, in [0, 1].
+        colours: red, green, blue and opacity of each fingertip, in [0, 1].
 
     Returns:
         The fingertips.
@@ -265,16 +277,16 @@ def add_slider(
     Args:
         plant: a plant that is not finalized yet.
         instance: model instance of body, joint and actuator.
-        name: name of all three.
-        parent: the body on which it slides; the frames coincide at joint position 0.
+        name: name of body, joint and actuator.
+        parent: body on which it slides; the frames coincide at joint position 0.
         axis: direction in which it slides, in the parent's frame, shape (3,).
-        mass: of the body [kg].
-        stiffness: of the PD control [N/m]; its damping is critical for this mass.
+        mass: mass of the body [kg].
+        stiffness: proportional gain of the PD control [N/m]; its damping is critical for this mass.
 
     Returns:
         The body.
     """
-    # It does not turn against its parent, so that how large it is does not matter.
+    # It cannot rotate relative to its parent, so the radius of its inertia hardly matters.
     body = plant.AddRigidBody(name, instance, SpatialInertia.SolidSphereWithMass(mass, 0.01))
     joint = plant.AddJoint(PrismaticJoint(name, parent.body_frame(), body.body_frame(), axis))
     gains = PdControllerGains(p=stiffness, d=2.0 * np.sqrt(stiffness * mass))

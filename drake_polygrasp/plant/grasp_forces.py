@@ -30,8 +30,8 @@ LOAD_PORT = "F_BBcm_W"
 class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not followed.
     """Ideal fingertips as a system: holds an object against a load with forces at three contacts.
 
-    Of all contact forces inside the friction cones that balance the load and whose normal parts add
-    up to the squeeze, it applies those farthest inside the cones.
+    It applies those contact forces that balance the load with normal parts that add up to the
+    squeeze, and that are farthest inside the friction cones.
 
         forces = builder.AddSystem(GraspForces(mug, plan.grasps[0], 20.0, body))
         builder.Connect(plant.get_body_poses_output_port(), forces.GetInputPort("body_poses"))
@@ -80,7 +80,9 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
         self._program = HoldingProgram(self._grasp, object_.p_BBcm, object_.rho)
         squeeze_f_B = self._program.forces(np.zeros(6), self._squeeze)
         if squeeze_f_B is None:
-            raise UsageError("the contacts cannot squeeze, though the grasp is force closure")
+            raise UsageError(
+                "no contact forces found that squeeze the object, though the grasp is force closure"
+            )
         self._squeeze_f_B: Array = squeeze_f_B
         self._poses = self.DeclareAbstractInputPort(
             "body_poses", AbstractValue.Make([RigidTransform()])

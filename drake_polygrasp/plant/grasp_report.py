@@ -1,4 +1,4 @@
-"""Whether an object was held by the fingertips of a simulation, and how far it moved in it."""
+"""Reports whether the fingertips of a simulation held the object, and how far it slipped."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from drake_polygrasp.arrays import Array, Bools
 from drake_polygrasp.plant.harness import GraspRecord, tangential
 
 _MAX_SLIP = 0.01
-"""Times L, our choice: a contact that slips farther on its fingertip is not held."""
+"""Times L: an object of which a contact slips farther is not held. Our choice."""
 
 
 class Event(NamedTuple):
-    """When something first happened, and in which phase.
+    """The first time at which a contact slips or is lost.
 
     Attributes:
-        time: [s].
-        phase: what the hand was doing.
+        time: time [s].
+        phase: name of the phase of the hand's motion.
     """
 
     time: float
@@ -29,18 +29,20 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class GraspReport:
-    """How an object was held. Drift, turn and slip are the greatest since the squeeze ended.
+    """Motion of an object in the hand since the squeeze ended, and whether it was held.
+
+    Drift, turn and slip are maxima over the time since the squeeze ended.
 
     Attributes:
-        disturbance: how far the centre of mass moved in the hand before [m].
-        force_error: of the normal forces by then, over their mean.
-        drift: of the centre of mass in the hand [m].
-        turn: of the object in the hand [rad].
-        slip: of each contact across the normal of its fingertip [m].
-        max_slip: slip that still counts as held [m].
-        slipped: when a contact first slipped farther, or None.
-        lost: for each fingertip, when it first pushed nothing, or None.
-        raised: how much higher the centre of mass ended than it started [m].
+        disturbance: distance that the centre of mass moved in the hand during the squeeze [m].
+        force_error: greatest deviation of a normal force at its end, over the mean planned force.
+        drift: displacement of the centre of mass in the hand [m].
+        turn: rotation angle of the object in the hand [rad].
+        slip: displacement of each contact across the normal of its fingertip [m].
+        max_slip: greatest slip that counts as held [m].
+        slipped: when a contact first slipped farther than `max_slip`, or None.
+        lost: for each fingertip, when its normal force was first zero, or None.
+        raised: height of the centre of mass in W at the end, minus that at the start [m].
     """
 
     disturbance: float
@@ -55,12 +57,12 @@ class GraspReport:
 
     @property
     def held(self) -> bool:
-        """Whether no contact slipped and none was lost."""
+        """Whether no contact slipped farther than `max_slip` and none was lost."""
         return self.slipped is None and not any(self.lost)
 
     @property
     def verdict(self) -> str:
-        """Whether it was held, and if not, since when."""
+        """The verdict as text: "HELD", or "DROPPED" with what happened first and when."""
         if self.held:
             return "HELD"
         first = min(event for event in (self.slipped, *self.lost) if event)
@@ -93,16 +95,16 @@ def report_grasp(
     p_BBcm: Array,
     diameter: float,
 ) -> GraspReport:
-    """Sums up how an object was held from the end of the squeeze on.
+    """Reports how far an object moved in the hand after the squeeze, and whether it was held.
 
     Args:
-        record: what was simulated, N samples.
-        phases: what the hand was doing, at least N of them.
-        start: the sample at which the squeeze has ended and nothing has been lifted yet.
-        p_BC: contacts [m], shape (3, 3).
-        nhat_H: normals along which the fingertips slide in the hand, shape (3, 3).
+        record: the simulation, N samples.
+        phases: name of the phase of the hand's motion at each sample, at least N.
+        start: index of the sample at which the squeeze has ended and the lift has not begun.
+        p_BC: contact points [m], shape (3, 3).
+        nhat_H: unit normals in H along which the fingertips slide, shape (3, 3).
         p_BBcm: centre of mass [m], shape (3,).
-        diameter: of the object, L [m].
+        diameter: diameter L of the object [m].
 
     Returns:
         The report.

@@ -1,4 +1,4 @@
-"""Simulates a grasp by fingertips in a plant, sample by sample, and records what they do."""
+"""Simulates fingertips that hold an object, and records forces and poses sample by sample."""
 
 from __future__ import annotations
 
@@ -22,27 +22,30 @@ from drake_polygrasp.plant.fingertips import Fingertips
 
 
 def tangential(p_HC: Array, nhat_H: Array) -> Array:
-    """Returns the parts of positions across the normals along which fingertips slide [m].
+    """Returns the components of contact positions across the normals, along which fingertips slide.
 
-    How these change is how contacts slip on their fingertips.
+    Their change is the slip of the contacts on their fingertips.
 
     Args:
-        p_HC: contacts in the hand [m], shape (..., 3, 3).
-        nhat_H: unit normals, shape (3, 3).
+        p_HC: contact points in H [m], shape (..., 3, 3).
+        nhat_H: unit normals in H, shape (3, 3).
+
+    Returns:
+        Positions without their parts along the normals [m], shape (..., 3, 3).
     """
     along = np.einsum("...ij,ij->...i", p_HC, nhat_H)
     return np.asarray(p_HC - along[..., None] * nhat_H)
 
 
 class GraspSample(NamedTuple):
-    """What is recorded at one time.
+    """Forces and poses at one time.
 
     Attributes:
-        time: [s].
+        time: time [s].
         X_WB: pose of the object in the world.
         X_HB: pose of the object in the hand.
-        normal_force: of the fingertips on the object [N], shape (3,).
-        planned_force: what they were commanded to push [N], shape (3,).
+        normal_force: normal forces of the fingertips on the object [N], shape (3,).
+        planned_force: normal forces that were commanded [N], shape (3,).
     """
 
     time: float
@@ -54,14 +57,14 @@ class GraspSample(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class GraspRecord:
-    """What fingertips and object did, at N times.
+    """Forces and poses at N times.
 
     Attributes:
-        time: [s], shape (N,).
-        X_WB: poses of the object in the world, N of them.
-        X_HB: poses of the object in the hand, N of them.
-        normal_force: of the fingertips on the object [N], shape (N, 3).
-        planned_force: what they were commanded to push [N], shape (N, 3).
+        time: times [s], shape (N,).
+        X_WB: N poses of the object in the world.
+        X_HB: N poses of the object in the hand.
+        normal_force: normal forces of the fingertips on the object [N], shape (N, 3).
+        planned_force: normal forces that were commanded [N], shape (N, 3).
     """
 
     time: Array
@@ -72,7 +75,7 @@ class GraspRecord:
 
 
 class GraspSimulation:
-    """A diagram with fingertips in a plant, advanced from sample to sample.
+    """Simulation of a diagram with fingertips in a plant, advanced from sample to sample.
 
         simulation = GraspSimulation(diagram, tips, visualizer)
         with simulation.recording():
@@ -81,9 +84,9 @@ class GraspSimulation:
         record = simulation.record
 
     Attributes:
-        root_context: the diagram's context.
-        context: the plant's context.
-        samples: what was recorded so far.
+        root_context: context of the diagram.
+        context: context of the plant.
+        samples: the samples so far.
     """
 
     def __init__(
@@ -92,9 +95,9 @@ class GraspSimulation:
         """Starts a simulation from the diagram's default state.
 
         Args:
-            diagram: holds the fingertips' plant, and what commands them.
-            fingertips: what holds the object.
-            visualizer: of the diagram, where a recording is wanted.
+            diagram: diagram with the fingertips' plant and the systems that command them.
+            fingertips: fingertips that hold the object.
+            visualizer: the diagram's visualizer, to record for Meshcat (default: no recording).
         """
         self._simulator, self._visualizer = Simulator(diagram), visualizer
         self._fingertips = fingertips
@@ -104,15 +107,19 @@ class GraspSimulation:
 
     @contextmanager
     def recording(self) -> Iterator[None]:
-        """Records for Meshcat what happens inside, and publishes it at the end.
+        """Records the simulation within a `with` block for Meshcat, and publishes it at the end.
 
-        An object that flies off beyond what Drake can compute ends the recording and is no error.
+        If the object is thrown so far that Drake computes numbers that are not finite, the block
+        ends early and no error is raised.
+
+        Yields:
+            None.
         """
         if self._visualizer is not None:
             self._visualizer.StartRecording()
         try:
             yield
-        except RuntimeError as error:  # What flies off ends in numbers that are not finite.
+        except RuntimeError as error:  # A thrown object ends in numbers that are not finite.
             if "finite" not in str(error) or not self.samples:
                 raise
         if self._visualizer is not None:
@@ -120,11 +127,11 @@ class GraspSimulation:
             self._visualizer.PublishRecording()
 
     def advance_to(self, time: float, planned_force: Array) -> GraspSample:
-        """Simulates until a time [s], and records what is then.
+        """Simulates until a given time, and records a sample.
 
         Args:
-            time: not before that of the context.
-            planned_force: what the fingertips are commanded to push [N], shape (3,).
+            time: time [s], not before that of the context.
+            planned_force: normal forces that are commanded [N], shape (3,).
 
         Returns:
             The new sample.
@@ -146,7 +153,7 @@ class GraspSimulation:
 
     @property
     def record(self) -> GraspRecord:
-        """All samples so far; there must be one."""
+        """All samples so far, at least one."""
         time, X_WB, X_HB, normal_force, planned_force = zip(*self.samples, strict=True)
         return GraspRecord(frozen(time), X_WB, X_HB, frozen(normal_force), frozen(planned_force))
 
@@ -159,15 +166,17 @@ def connect_commands(
     positions: Array,
     forces: Array | None = None,
 ) -> None:
-    """Commands the n actuators of a model instance along time: positions, and forces on top.
+    """Adds sources that command the n actuators of a model instance over time.
 
     Args:
-        builder: of the diagram that the plant is part of.
+        builder: builder of the diagram that the plant is part of.
         plant: a finalized plant.
-        instance: model instance of the actuators, fingertips' for example.
-        time: of the commands [s], shape (N,); positions are cubic in between, forces linear.
-        positions: of the joints [m], shape (N, n); the PD control holds to them and their speeds.
-        forces: that add to it [N], shape (N, n) (default: none).
+        instance: model instance of the actuators, such as that of fingertips.
+        time: times of the commands [s], shape (N,). Positions are interpolated by cubics, forces
+            linearly.
+        positions: commanded positions of the joints [m], shape (N, n); the PD control tracks them
+            and their time derivatives.
+        forces: forces added to those of the PD control [N], shape (N, n) (default: none).
     """
     speeds = np.gradient(positions, time, axis=0)
     path = PiecewisePolynomial.CubicHermite(time, positions.T, speeds.T)

@@ -1,6 +1,6 @@
-"""Plants of our own with the object and three fingertips, for checks that must not touch others'.
+"""Adds the object, pads and fingertips to temporary plants, which leave the user's plant unchanged.
 
-The body frame B starts at the world frame W, so what is expressed in B may be read in W.
+The body frame B starts at the world frame W, so quantities in B may be used in W.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from drake_polygrasp.plant.fingertips import (
 
 @dataclass(frozen=True, eq=False)
 class ScratchScene:
-    """What scratch plants are made of.
+    """An object and a grasp from which temporary plants are built.
 
     Attributes:
-        object_: what is grasped.
-        solid: its collision geometry and inertia.
-        grasp: its friction is that of the pairs.
-        tip_radius: [m]
-        pad_width: [m], of the largest squares about all contacts that keep within their faces.
+        object_: object that is grasped.
+        solid: collision geometry and inertia of the object.
+        grasp: three contacts with the friction coefficients of the pairs.
+        tip_radius: radius of the fingertips [m].
+        pad_width: side of the largest squares about all contacts that stay within their faces [m].
     """
 
     object_: GraspObject
@@ -48,12 +48,12 @@ class ScratchScene:
 
     @property
     def p_BT(self) -> Array:
-        """Centres of fingertips that touch the contacts from outside [m], shape (3, 3)."""
+        """Centres of fingertips that touch the object at the contacts [m], shape (3, 3)."""
         return self.grasp.p_BC - self.tip_radius * self.grasp.nhat_TB_B
 
     @property
     def mu_object(self) -> float:
-        """The friction of the object's own surface."""
+        """Friction coefficient of the object's surface: the greatest of the contacts'."""
         return float(self.grasp.mu.max())
 
 
@@ -64,14 +64,25 @@ def make_scene(
     package_paths: Sequence[str | Path] = (),
     packages: Mapping[str, str | Path] | None = None,
 ) -> ScratchScene:
-    """The object from its own file, and fingertips of `effective_tip_radius` [m].
+    """Loads the object from its own file, for fingertips of the `effective_tip_radius`.
 
-    Raises ModelError when the object came from no file or the file cannot be read again.
+    Args:
+        object_: object that is grasped, loaded from a file.
+        grasp: three contacts.
+        tip_radius: radius of the fingertips [m]; 0 for points.
+        package_paths: folders searched for the packages of package:// URIs.
+        packages: folders of packages by name.
+
+    Returns:
+        The scene.
+
+    Raises:
+        ModelError: when the object came from no file, or the file cannot be read again.
     """
     if object_.source is None:
         raise ModelError(
-            "a grasp is checked in a plant with the object's own file, and it has none; give "
-            "object_from_plant the body's model_file"
+            "to check a grasp in a plant, the object is loaded again from its own file, and it "
+            "has none; give object_from_plant the body's model_file"
         )
     face = face_at(object_.polyhedron, grasp.p_BC, grasp.nhat_TB_B)
     distance = edge_distance(object_.polyhedron, grasp.p_BC, face).min()
@@ -87,7 +98,17 @@ def make_scene(
 def add_surface(
     plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, stiffness: float | None = None
 ) -> list[GeometryId]:
-    """The model's own collision geometry, its point contact of `stiffness` [N/m]."""
+    """Registers the collision geometry of the object.
+
+    Args:
+        plant: plant to add it to.
+        body: body B of the object.
+        scene: object and grasp.
+        stiffness: stiffness of point contact [N/m] (default: the plant's).
+
+    Returns:
+        The geometries.
+    """
     material = contact_material(scene.mu_object, point_stiffness=stiffness)
     return [
         plant.RegisterCollisionGeometry(body, X_BG, shape, f"surface_{k}", material)
@@ -98,7 +119,17 @@ def add_surface(
 def add_covers(
     plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, stiffness: float | None = None
 ) -> list[GeometryId]:
-    """The collision geometry of links on the object's joints, locked where they are by default."""
+    """Registers the collision geometry of links on the object's joints, fixed to it.
+
+    Args:
+        plant: plant to add it to.
+        body: body B of the object.
+        scene: object and grasp; the joints are at their default positions.
+        stiffness: stiffness of point contact [N/m] (default: the plant's).
+
+    Returns:
+        The geometries.
+    """
     material = contact_material(scene.mu_object, point_stiffness=stiffness)
     return [
         plant.RegisterCollisionGeometry(body, X_BG, shape, f"cover_{k}", material)
@@ -109,7 +140,17 @@ def add_covers(
 def add_pads(
     plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, stiffness: float | None = None
 ) -> list[GeometryId]:
-    """A cube under each contact, flush with its face, of the contact's friction."""
+    """Registers a cube at each contact, flush with its face, with the contact's friction.
+
+    Args:
+        plant: plant to add them to.
+        body: body B of the object.
+        scene: object and grasp.
+        stiffness: stiffness of point contact [N/m] (default: the plant's).
+
+    Returns:
+        The geometries, one per contact.
+    """
     w, grasp = scene.pad_width, scene.grasp
     ids = []
     for i, (p_BC, nhat_TB_B, mu) in enumerate(
@@ -125,7 +166,18 @@ def add_pads(
 def add_tip(
     plant: MultibodyPlant, body: RigidBody, scene: ScratchScene, i: int, *, on_pad: bool
 ) -> GeometryId:
-    """The sphere that touches contact i, on a body whose frame is at W."""
+    """Registers the sphere that touches the object at contact i.
+
+    Args:
+        plant: plant to add it to.
+        body: body of the fingertip, whose frame coincides with W.
+        scene: object and grasp.
+        i: index of the contact, from 0.
+        on_pad: whether it touches a pad rather than the object's own geometry.
+
+    Returns:
+        The geometry.
+    """
     spheres = tip_spheres(scene, on_pad=on_pad)
     material = contact_material(float(spheres.mu[i]))
     X_TS, shape = RigidTransform(spheres.p_HT[i]), Sphere(spheres.radius)
@@ -133,7 +185,12 @@ def add_tip(
 
 
 def tip_spheres(scene: ScratchScene, *, on_pad: bool) -> FingertipSpheres:
-    """The fingertips, whose friction makes the contacts' of the pairs with the object or pads."""
+    """Returns fingertips whose pairs with the object, or with pads, have the contacts' friction.
+
+    Args:
+        scene: object and grasp.
+        on_pad: whether they touch pads rather than the object's own geometry.
+    """
     mu = scene.grasp.mu
     mu_T = mu if on_pad else fingertip_friction(mu, scene.mu_object)
     return fingertip_spheres(scene.grasp, scene.tip_radius, mu_T)

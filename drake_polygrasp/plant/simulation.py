@@ -1,10 +1,10 @@
-"""Fingertips that hold the object through time, in discrete time with Drake's own contact.
+"""Simulates fingertips that hold the object under loads, in a discrete plant with Drake's contact.
 
-Each tip slides on a prismatic joint along its contact's normal; a soft spring, whose far end is
-commanded, pushes it with the force that `holding_forces` plans for the load at hand, so the hand
-redistributes forces as force closure promises it can. Sideways the joint is rigid: friction has
-to bear what the normal forces leave. Gravity acts as the object's weight at its centre of mass,
-turned instead of the hand, and each load starts again from the settled squeeze.
+Each fingertip slides on a prismatic joint along its contact's normal. A soft spring with a
+commanded end pushes it with the normal force that `holding_forces` plans for the load, so the hand
+redistributes forces as force closure allows. Across the normal the joint is rigid: friction has to
+hold the tangential part of the load. The weight acts at the centre of mass along each axis of B, so
+the hand need not turn, and each load starts from the settled squeeze.
 
 Stiffness and speeds scale with the squeeze and with the object's diameter L.
 """
@@ -41,56 +41,59 @@ from drake_polygrasp.plant.scratch_plant import (
 )
 
 MAX_TIME_STEP = 1e-3
-"""[s]"""
+"""Longest time step [s]. Our choice."""
 MIN_TIME_STEP = 5e-6
-"""[s], ours: where contact bears only shorter steps, simulation would take minutes."""
+"""Shortest time step [s]. Our choice: with shorter ones, simulation would take minutes."""
 MAX_SPEED_STEP = 1.0
-"""[1/s], ours: of the squeeze times the time step, over the object's mass and diameter. Drake's
-contact gives way, however much friction is left, at about a thousandth of the impulse of a step
-over the mass, so that what is squeezed a hundred times as hard as it weighs creeps for numerical
-reasons alone; such steps keep that below a third of `MAX_CREEP`."""
+"""Bound of squeeze times time step, over the object's mass and diameter [1/s]. Our choice: Drake's
+sticking contact creeps by about a thousandth of a step's impulse over the mass, however much
+friction is left. An object squeezed with a hundred times its weight would creep for numerical
+reasons alone; this bound keeps such creep below a third of `MAX_CREEP`."""
 BOX_MOBILITY = 7.0
-"""Over the mass: how much speed an impulse at a contact gives a uniform box there at most, at its
-corners. What turns more easily, by a small stated inertia or a far centre of mass, takes steps as
-a lesser mass."""
+"""Greatest speed per impulse at a point of a uniform box, at its corners, times its mass. An object
+with greater mobility, from a small stated inertia or a far centre of mass, takes the time step of a
+smaller mass."""
 SAMPLE = 0.01
-"""[s] between samples, at which commands change too."""
+"""Time between samples and between changes of commands [s]. Our choice."""
 SETTLE_TIME = 0.1
-"""[s] to build up the squeeze, and as long again to come to rest."""
+"""Time in which the squeeze grows, and again until the object is at rest [s]. Our choice."""
 RAMP_TIME = 0.05
-"""[s] for a load to grow."""
+"""Time in which a load grows [s]. Our choice."""
 HOLD_TIME = 0.1
-"""[s] under the whole load; creep is measured in its second half."""
+"""Time under the full load [s]; creep is measured in its second half. Our choice."""
 TIP_TRAVEL = 0.03
-"""Times L, ours: how far the squeeze would push a tip against its spring. That is so soft that an
-object which creeps within the bounds changes no force by more than a few percent."""
+"""Deflection of the springs if the whole squeeze acted on one, over L. Our choice: so soft that
+creep within the bounds changes no force by more than a few percent."""
 CONTACT_STIFFNESS = 1000.0
-"""Times the spring's, ours: contact takes a thousandth of the spring's travel from its force."""
+"""Stiffness of contact over that of the springs. Our choice: penetration then takes a thousandth of
+a spring's force."""
 STICTION_SPEED = 1e-4
-"""[L/s], ours: sticking contacts creep about this fast at 0.7 of their friction, and ten times as
-fast at 0.995: up to its limit, as Coulomb's, friction holds."""
+"""Drake's stiction tolerance over L [1/s]. Our choice: sticking contacts creep at about this speed
+at 0.7 of the friction limit and ten times as fast at 0.995, so friction holds up to its limit."""
 MAX_CREEP = 3e-3
-"""[L/s], ours: what creeps faster slides or rolls out of the grasp within seconds."""
+"""Greatest speed of creep over L [1/s]. Our choice: an object that creeps faster slides or rolls
+out of the grasp within seconds."""
 MAX_SLIP = 2e-3
-"""Times L, ours: what a load may add to the sideways motion of a contact on its tip."""
+"""Greatest displacement of a contact across its normal under a load, over L. Our choice."""
 FORCE_TOLERANCE = 0.05
-"""Ours: settled normal forces are within this of those planned, relative to their mean."""
+"""Greatest deviation of a settled normal force from the planned one, over the mean planned force.
+Our choice."""
 TIP_MASS = 1.0
-"""Times the object's, ours: fingers are no lighter than what they hold."""
+"""Mass of a fingertip over the object's. Our choice: fingers are no lighter than their object."""
 _OBJECT_COLOUR = np.array([0.6, 0.6, 0.6, 0.5])
 
 
 @dataclass(frozen=True, eq=False)
 class SimulationRecord:
-    """What happened, N samples: first the settling, then every load in turn.
+    """Forces and slip at N samples: first while the squeeze settles, then under each load in turn.
 
     Attributes:
-        time: [s], shape (N,).
-        load: index of the load, -1 while settling, shape (N,).
-        slip_W: how far each contact has moved sideways on its tip since the load began [m], (N, 3,
-            3).
-        normal_force: of tips on the object [N], shape (N, 3).
-        planned_force: the normal force that each tip was commanded [N], shape (N, 3).
+        time: times [s], shape (N,).
+        load: index of the load, -1 while the squeeze settles, shape (N,).
+        slip_W: displacement of each contact across its normal since the load began [m], shape
+            (N, 3, 3).
+        normal_force: normal forces of the fingertips on the object [N], shape (N, 3).
+        planned_force: normal forces that were commanded [N], shape (N, 3).
     """
 
     time: Array
@@ -102,11 +105,12 @@ class SimulationRecord:
 
 @dataclass(frozen=True)
 class SimulationOutcome:
-    """What the worst load leaves of each bound, as a share of it; negative where exceeded.
+    """Margins of a simulation: 1 minus the greatest value over its bound, negative if exceeded.
 
     Attributes:
-        slip, creep, force: what is left of `MAX_SLIP`, `MAX_CREEP` and `FORCE_TOLERANCE`.
-        lost: the first load (-1: the squeeze alone) under which a tip lost the object.
+        slip, creep, force: margins of `MAX_SLIP`, `MAX_CREEP` and `FORCE_TOLERANCE`.
+        lost: index of the first load (-1: the squeeze alone) under which a fingertip lost contact,
+            or None.
     """
 
     slip: float
@@ -116,18 +120,18 @@ class SimulationOutcome:
 
     @property
     def margin(self) -> float:
-        """What is left of the tightest bound; -1 where it is exceeded twofold or a tip is lost."""
+        """The least of the three margins, but at least -1; -1 if a fingertip lost contact."""
         left = min(self.slip, self.creep, self.force)
         return max(left, -1.0) if self.lost is None else -1.0
 
 
 def time_step(scene: ScratchScene, squeeze: float) -> float:
-    """Returns the time step [s]: the longest that divides `SAMPLE` and that Drake's contact bears.
+    """Returns the longest time step [s] that divides `SAMPLE` and keeps numerical creep small.
 
-    One below `MIN_TIME_STEP` is for no simulation.
+    It may be below `MIN_TIME_STEP`; then the object is not simulated.
 
     Args:
-        scene: object and fingertips.
+        scene: object and grasp.
         squeeze: total normal force [N].
     """
     L = scene.object_.polyhedron.diameter
@@ -136,7 +140,7 @@ def time_step(scene: ScratchScene, squeeze: float) -> float:
 
 
 def _contact_mass(scene: ScratchScene) -> float:
-    """The object's mass, or less where impulses at its contacts turn it more than a box [kg]."""
+    """Returns the object's mass, or less if its mobility at a contact exceeds a box's [kg]."""
     p_BBcm, rho = scene.solid.M_BBo_B.get_com(), scene.object_.rho
     M_BBcm_B = scene.solid.M_BBo_B.Shift(p_BBcm)
     mass, inertia = M_BBcm_B.get_mass(), M_BBcm_B.CalcRotationalInertia()
@@ -149,7 +153,7 @@ def _contact_mass(scene: ScratchScene) -> float:
 
 
 def settings() -> dict[str, Any]:
-    """The parameters that all simulations share, for reports."""
+    """Returns the parameters that all simulations share, by the names that grasp files state."""
     return {
         "contact_approximation": "lagged",
         "settle_time": 2 * SETTLE_TIME,
@@ -167,16 +171,19 @@ def settings() -> dict[str, Any]:
 def simulate(
     scene: ScratchScene, squeeze_f_B: Array, holding: Holding, meshcat: Meshcat | None = None
 ) -> SimulationRecord:
-    """Squeeze an object, and load it.
-
-    The trace ends early where the object is lost beyond what Drake can compute.
+    """Simulates fingertips that squeeze an object, and then hold it under each load.
 
     Args:
-        scene: object and fingertips; its friction counts, whatever the forces were planned with.
-        squeeze_f_B: forces planned on B without a load [N], shape (3, 3); their normal parts are
+        scene: object and grasp, whose friction is simulated even if forces were planned with
+            another.
+        squeeze_f_B: contact forces on B without a load [N], shape (3, 3); their normal parts are
             commanded.
-        holding: the loads, and the forces planned against them.
-        meshcat: the caller's own, where a recording is published.
+        holding: loads, and contact forces that balance each; their normal parts are commanded.
+        meshcat: Meshcat in which a recording is published (default: none).
+
+    Returns:
+        The record. It ends early if the object is thrown so far that Drake computes numbers that
+        are not finite.
     """
     squeeze = normal_forces(scene.grasp, squeeze_f_B)
     pushes = normal_forces(scene.grasp, holding.f_Bc_B)
@@ -184,7 +191,16 @@ def simulate(
 
 
 def judge(trace: SimulationRecord, num_loads: int, diameter: float) -> SimulationOutcome:
-    """Hold a trace under `num_loads` loads against the bounds, for an object of `diameter` [m]."""
+    """Compares a simulation with the bounds of slip, creep and force.
+
+    Args:
+        trace: the simulation.
+        num_loads: number of loads that it should contain; a missing one counts as lost.
+        diameter: diameter L of the object [m].
+
+    Returns:
+        The margins.
+    """
     slip, creep, force = 0.0, 0.0, 0.0
     half = round(HOLD_TIME / SAMPLE / 2)
     for load in range(-1, num_loads):
@@ -212,7 +228,7 @@ def _longest(vectors: Array) -> float:
 
 
 class _LoadTest:
-    """A diagram of object and fingertips, loaded sample by sample."""
+    """Simulation of object and fingertips under loads, sample by sample."""
 
     def __init__(self, scene: ScratchScene, squeeze: Array, meshcat: Meshcat | None) -> None:
         self._scene, self._squeeze = scene, squeeze
@@ -231,13 +247,13 @@ class _LoadTest:
 
     def _add_bodies(self) -> Fingertips:
         plant, scene, stiffness = self._plant, self._scene, self._stiffness
-        # Two surfaces in series.
+        # Two equal surfaces in series have half the stiffness of one.
         contact = 2.0 * CONTACT_STIFFNESS * stiffness
         body = plant.AddRigidBody("object", scene.solid.M_BBo_B)
         covers = [(shape, X_BG) for _, shape, X_BG in scene.solid.covers]
         for k, (shape, X_BG) in enumerate((*scene.solid.parts, *covers)):
             plant.RegisterVisualGeometry(body, X_BG, shape, f"surface_{k}", _OBJECT_COLOUR)
-        # Point contact would fill the notches of what is not convex.
+        # Point contact uses a mesh's convex hull, which fills notches.
         on_pads = not scene.solid.is_hulls
         if on_pads:
             add_pads(plant, body, scene, contact)
@@ -263,7 +279,7 @@ class _LoadTest:
         plant.set_stiction_tolerance(STICTION_SPEED * self._scene.object_.polyhedron.diameter)
 
     def run(self, wrench_B: Array, pushes: Array) -> SimulationRecord:
-        """Settle, then every load of wrench_B, shape (K, 6), against pushes [N], shape (K, 3)."""
+        """Simulates the squeeze, then loads wrench_B (K, 6) with commanded forces (K, 3) [N]."""
         with self._simulation.recording():
             self._settle()
             context = self._simulation.root_context
@@ -310,6 +326,6 @@ class _LoadTest:
         return self._fingertips.X_HB(self._simulation.context)
 
     def _tangential(self, X_WB: RigidTransform) -> Array:
-        """Where the contacts fixed in B are, across the normals along which tips slide [m]."""
+        """Returns the positions of B's contacts across the normals along which tips slide [m]."""
         grasp = self._scene.grasp
         return tangential(X_WB.multiply(grasp.p_BC.T).T, grasp.nhat_TB_B)

@@ -1,10 +1,10 @@
-"""Drake's own statics of an object, three pads and three fingertips, gravity along each axis.
+"""Checks static equilibrium of object and fingertips in Drake, with gravity along each axis.
 
-Two judges of the forces that `holding_forces` plans. Inverse dynamics of the plant says what they
-leave unbalanced, of any geometry. `StaticEquilibriumProblem`, with the object held where it is,
-must find contact wrenches of its own, of many the nearest to them; its distances need AutoDiff,
-which Drake has for spheres and boxes alone, so the fingertips stand on pads. Pads prove the forces
-and not the surface: they count where the geometry has been confirmed.
+The forces that `holding_forces` plans are checked twice. Inverse dynamics of the plant gives the
+unbalanced force for any geometry. `StaticEquilibriumProblem`, with the object's pose fixed, must
+find contact forces itself: of all that balance the weight, the nearest to the planned ones. It
+needs distances in AutoDiff, which Drake has only between spheres and boxes, so the fingertips touch
+pads. Pads check the forces and not the surface, so they count only if the geometry is confirmed.
 """
 
 from __future__ import annotations
@@ -30,18 +30,19 @@ from drake_polygrasp.grasp import HeldWeight
 from drake_polygrasp.plant.scratch_plant import ScratchScene, add_pads, add_tip
 
 _TOLERANCE = 1e-6
-"""Ours: what may stay unbalanced, times the weight; what SNOPT aims at, times the weight and, for
-torques, rho."""
+"""Greatest unbalanced force over the weight, and SNOPT's tolerance over the weight (for torques,
+over the weight times rho). Our choice."""
 
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium(HeldWeight):
-    """How the plant holds the weight along one axis, and how far Drake's own forces do.
+    """Equilibrium under the weight along one axis, with the contact forces that Drake finds.
 
     Attributes:
-        drake_residual: what Drake's forces leave unbalanced; infinite if it failed.
-        drake_spare_friction: as `Holding.spare_friction`, of Drake's forces [N]; infinitely
-            negative if it failed.
+        drake_residual: unbalanced wrench with Drake's forces, torques over rho, over the weight;
+            infinite if Drake found none.
+        drake_spare_friction: `Holding.spare_friction` of Drake's forces [N]; minus infinity if
+            Drake found none.
     """
 
     drake_residual: float
@@ -49,21 +50,32 @@ class Equilibrium(HeldWeight):
 
     @property
     def fault(self) -> str:
-        """Why it is none, or nothing."""
+        """Why this is not an equilibrium; empty if it is one."""
         weight = float(np.linalg.norm(self.weight_B))
         if not self.residual <= _TOLERANCE:
             return f"the planned forces leave {self.residual:.2g} of the weight unbalanced"
         if not len(self.f_Bc_B):
             return "StaticEquilibriumProblem finds no contact forces"
         if not self.drake_residual <= _TOLERANCE:
-            return f"StaticEquilibriumProblem leaves {self.drake_residual:.2g} of the weight"
+            return (
+                f"the forces of StaticEquilibriumProblem leave {self.drake_residual:.2g} of the "
+                "weight unbalanced"
+            )
         if not self.drake_spare_friction >= -_TOLERANCE * weight:
-            return "StaticEquilibriumProblem uses more friction than there is"
+            return "the forces of StaticEquilibriumProblem are outside the friction cones"
         return ""
 
 
 def find_equilibria(scene: ScratchScene, holding: Holding) -> tuple[Equilibrium, ...]:
-    """Equilibria under each load of `holding`, which are the weight in K directions."""
+    """Checks the equilibrium under each load in a plant.
+
+    Args:
+        scene: object and grasp.
+        holding: loads that are the weight in K directions, and contact forces that balance each.
+
+    Returns:
+        K equilibria.
+    """
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
     body = plant.AddRigidBody("object", scene.solid.M_BBo_B)
@@ -89,7 +101,10 @@ def find_equilibria(scene: ScratchScene, holding: Holding) -> tuple[Equilibrium,
 
 
 def _residual(scene: ScratchScene, plant: MultibodyPlant, p_BC: Array, f_Bc_B: Array) -> float:
-    """What contact forces leave unbalanced of gravity, torques over rho, over the weight."""
+    """Returns the unbalanced wrench of contact forces and gravity over the weight.
+
+    Torques are divided by rho.
+    """
     context = plant.CreateDefaultContext()
     forces = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, forces)
@@ -104,7 +119,7 @@ def _residual(scene: ScratchScene, plant: MultibodyPlant, p_BC: Array, f_Bc_B: A
 
 
 class _EquilibriumSolver:
-    """Static equilibrium of a plant with the object where it is by default."""
+    """Solves for static equilibrium of a plant with the object at its default pose."""
 
     def __init__(
         self,
@@ -127,7 +142,7 @@ class _EquilibriumSolver:
             self._options.SetOption(SnoptSolver.id(), f"{name} tolerance", tolerance)
 
     def solve(self, gravity: Array, nhat_TB_B: Array, guess: Array) -> tuple[Array, Array]:
-        """Contact points [m] and forces on B [N], both (3, 3); (0, 3) where none are found."""
+        """Returns contact points [m] and forces on B [N], shape (3, 3), or (0, 3) if none found."""
         plant_context = self._plant.GetMyMutableContextFromRoot(self._context)
         self._plant.mutable_gravity_field().set_gravity_vector(gravity)
         problem = StaticEquilibriumProblem(self._plant, plant_context, self._ignored)
@@ -138,14 +153,14 @@ class _EquilibriumSolver:
         f_Tc = program.decision_variables()[len(q) : len(q) + 9]
         squeeze = -float((nhat_TB_B * guess).sum())
         program.AddLinearEqualityConstraint(nhat_TB_B.reshape(1, 9), [squeeze], f_Tc)
-        # Equilibria are many: of all, the one nearest to what is planned.
+        # Many forces balance the weight: seek those nearest to the planned ones.
         program.AddQuadraticErrorCost(np.eye(9) / squeeze**2, -guess.ravel(), f_Tc)
         start = np.zeros(program.num_vars())
         start[: len(q)] = q_0
         start[len(q) : len(q) + 9] = -guess.ravel()
         result = SnoptSolver().Solve(program, start, self._options)
         if result.get_solution_result() == SolutionResult.kIterationLimit:
-            # It crawls along a friction cone; afresh, it is there in a few steps.
+            # SNOPT makes short steps along a friction cone; restarted, it converges in a few.
             reached = result.GetSolution(program.decision_variables())
             result = SnoptSolver().Solve(program, reached, self._options)
         if not result.is_success():

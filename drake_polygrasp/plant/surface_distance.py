@@ -1,9 +1,9 @@
-"""Signed distances from points to a body's own collision geometry, measured by Drake where it does.
+"""Measures signed distances from points to a body's collision geometry, by Drake if it can.
 
-Drake measures to the true surface of every shape, not to its convex hull, but refuses a mesh in
-which two triangles meet at a very sharp edge (a knife-thin wedge, a needle, a burr): the sum of
-their normals, from which it takes the sign, is almost zero. To such a shape, distances are measured
-on the triangles that Drake has of it, and the sign is that of their winding number.
+Drake measures to the true surface of every shape, not to its convex hull. But it rejects a mesh in
+which two triangles meet at a very sharp edge (a thin wedge, a needle, a burr): it takes the sign
+from the sum of their normals, which is almost zero. For such a shape, we measure to the triangles
+that Drake has of it and take the sign from their winding number.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from drake_polygrasp.plant.drake_calls import refusal_reason
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """The point of a surface that is nearest to another point.
+    """The point N of a surface that is nearest to a point Q.
 
     Attributes:
-        distance: between the two [m], negative inside the body.
-        p_BN: the surface's point [m], shape (3,).
+        distance: distance of Q from N [m], negative if Q is inside the body.
+        p_BN: position of N [m], shape (3,).
     """
 
     distance: float
@@ -37,31 +37,39 @@ class Nearest:
 
 
 class SurfaceDistance:
-    """Signed distances to the union of a body's shapes, each with its pose X_BG.
-
-    Raises RuntimeError, or SystemExit, when Drake cannot register a shape.
-    """
+    """Signed distances from points to the union of a body's shapes."""
 
     def __init__(self, parts: Sequence[tuple[Shape, RigidTransform]]) -> None:
+        """Registers the shapes.
+
+        Args:
+            parts: shapes with their poses X_BG.
+
+        Raises:
+            RuntimeError: when Drake rejects a shape; SystemExit when one of its assertions fails.
+        """
         self._parts = [_Part(shape, X_BG) for shape, X_BG in parts]
 
     def nearest(self, p_BQ: Array) -> Nearest:
-        """The nearest point of the surface to p_BQ [m], shape (3,).
+        """Returns the nearest point of the surface.
+
+        Args:
+            p_BQ: position of the point Q to measure from [m], shape (3,).
 
         Raises:
-            RuntimeError: when a shape can be measured in neither way.
+            RuntimeError: when Drake cannot measure to a shape, and has no triangles of it.
         """
         return min((part.nearest(p_BQ) for part in self._parts), key=lambda n: n.distance)
 
     @property
     def refusal(self) -> str:
-        """Why Drake did not measure some distance asked for so far; empty where it measured all."""
+        """Why Drake could not measure a distance so far; empty if it measured all."""
         return next((part.refusal for part in self._parts if part.refusal), "")
 
 
 @dataclass
 class _Part:
-    """One shape, alone in a SceneGraph of its own, so that it alone can be refused."""
+    """A shape in a SceneGraph of its own, so that Drake's rejection concerns only this shape."""
 
     shape: Shape
     X_BG: RigidTransform
@@ -93,11 +101,11 @@ class _Part:
         if self._soup is None:
             part = part_of(self.shape, self.X_BG, mu=1.0)
             if part is None or part.primitive is not None:
-                raise RuntimeError(self.refusal)  # It has no triangles to measure on.
+                raise RuntimeError(self.refusal)  # It has no triangles to measure to.
             self._soup = TriangleSoup(part.triangles_B)
         points = nearest_on_triangles(p_BQ, self._soup.triangles)
         distances = np.linalg.norm(points - p_BQ, axis=1)
         k = int(distances.argmin())
-        # Wound inward too, triangles that go around a point once have it inside.
+        # A winding number of -1 is inside too: the triangles may be oriented inward.
         inside = self._soup.winding_numbers(p_BQ[None])[0] != 0
         return Nearest(float(-distances[k] if inside else distances[k]), points[k])

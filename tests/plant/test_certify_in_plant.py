@@ -27,8 +27,8 @@ from drake_polygrasp.certification.holding_forces import HoldingProgram, hold, s
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.grasp import Verdict
-from drake_polygrasp.plant.certify_in_plant import LABELS, LoadPlan, plan_loads
 from drake_polygrasp.plant.contact_geometry import check_geometry
+from drake_polygrasp.plant.loads import LABELS, LoadPlan, plan_loads
 from drake_polygrasp.plant.scratch_plant import make_scene
 from drake_polygrasp.plant.statics import find_equilibria
 from drake_polygrasp.verification.plant_results import save_plant_results

@@ -18,6 +18,7 @@ from drake_polygrasp.cli.main import main
 from drake_polygrasp.geometry.triangles import nearest_on_triangles, point_triangle_distance
 from drake_polygrasp.grasp import Verdict
 from drake_polygrasp.plant import certify_in_plant as in_plant
+from drake_polygrasp.plant import loads
 from drake_polygrasp.plant.contact_geometry import check_geometry
 from drake_polygrasp.plant.scratch_plant import make_scene
 from drake_polygrasp.plant.surface_distance import SurfaceDistance
@@ -171,7 +172,7 @@ def fail_an_assertion(*_: object) -> NoReturn:
         (in_plant, "check_geometry", ["geometry", "statics", "simulation"]),
         (in_plant.statics, "find_equilibria", ["statics"]),
         (in_plant.simulation, "simulate", ["simulation"]),
-        (in_plant, "hold", ["statics", "simulation"]),
+        (loads, "hold", ["statics", "simulation"]),
     ],
 )
 def test_what_drake_refuses_is_undecided(

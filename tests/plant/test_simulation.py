@@ -14,7 +14,7 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.holding_forces import Holding, normal_forces
 from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.plant import simulation
-from drake_polygrasp.plant.certify_in_plant import LoadPlan, plan_loads
+from drake_polygrasp.plant.loads import LoadPlan, plan_loads
 from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
 from drake_polygrasp.plant.simulation import SimulationOutcome, SimulationRecord, judge, simulate
 from tests.support.common import grasp
