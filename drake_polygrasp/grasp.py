@@ -232,8 +232,9 @@ class PlantVerdict:
     Attributes:
         name: "exact", the internal force of the certificate in exact arithmetic; "convex", the
             best internal force that a solver finds; "geometry", contacts and fingertips by
-            SceneGraph's signed distance; "statics", the weight along each axis of B; or
-            "simulation", the same and disturbances through time.
+            SceneGraph's signed distance; "statics", the weight along each axis of B; "simulation",
+            the same and disturbances through time; or "misses", simulations with errors that are
+            drawn within those of the region certificate.
         verdict: UNDECIDED if the check could not be run.
         margin: distance from failing, negative if the check fails; None if it was not run.
         unit: unit of the margin: "1", "m" or "N".
@@ -271,7 +272,8 @@ class PlantRecord:
     """The verdicts on a grasp in a plant, as a grasp file states them.
 
     Attributes:
-        verdicts: one for each check, in the order exact, convex, geometry, statics, simulation.
+        verdicts: one for each check, in the order exact, convex, geometry, statics, simulation,
+            misses; the last only if it was asked for and the grasp has a region certificate.
         settings: parameters of the checks by name, in SI units.
         equilibria: how the weight along +x, +y, +z, -x, -y, -z of B is held; empty if it was not
             computed.
@@ -340,6 +342,10 @@ class CarriesGrasp(Protocol):
     @property
     def tip_radius(self) -> float | None:
         """Radius of the fingertips for which it was planned [m]; None if it is unknown."""
+
+    @property
+    def region(self) -> RegionCertificate | None:
+        """The errors that it is certified to bear; None if there are none."""
 
 
 AnyGrasp = Grasp | CarriesGrasp

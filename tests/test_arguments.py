@@ -129,6 +129,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
             "package_paths": (),
             "packages": None,
             "surroundings": None,
+            "misses": None,
             "meshcat": None,
         },
         "certify_region": {
@@ -183,6 +184,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
             "packages": None,
             "plant": False,
             "scene": None,
+            "misses": None,
             "progress": None,
         },
     }
@@ -254,8 +256,8 @@ def test_whatever_is_wrong_with_an_argument_is_one_line_of_ours(
             "friction_error is 1; it must be a share of the friction coefficient, from 0 to below",
         ),
         (
-            lambda: GraspForces(model("cube"), cube_grasp(), None, BodyIndex(1)),  # type: ignore[arg-type]
-            "squeeze is None; it must be a force above 0 N",
+            lambda: GraspForces(model("cube"), cube_grasp(), "10", BodyIndex(1)),  # type: ignore[arg-type]
+            "squeeze is '10'; it must be a force above 0 N",
         ),
         (
             lambda: save_grasps("x", model("cube"), [cube_grasp()], StatedPlan()),  # type: ignore[list-item]

@@ -27,19 +27,24 @@ def _plant_cell(grasp: GraspVerification) -> str:
 
 def _plant_lines(report: VerificationReport) -> list[str]:
     """Returns a table of the plant's verdicts, with how far each check is from failing."""
-    rows = [
-        (
-            str(rank),
-            v.name,
-            str(v.verdict),
-            "-" if v.margin is None else f"{v.margin:.3g}",
-            "" if v.unit == "1" else v.unit,
-            v.reason,
-        )
-        for rank, grasp in enumerate(report.grasps, start=1)
-        if grasp.plant is not None
-        for v in grasp.plant.verdicts
-    ]
+    rows = []
+    for rank, grasp in enumerate(report.grasps, start=1):
+        if grasp.plant is None:
+            continue
+        rows += [
+            (
+                str(rank),
+                v.name,
+                str(v.verdict),
+                "-" if v.margin is None else f"{v.margin:.3g}",
+                "" if v.unit == "1" else v.unit,
+                v.reason,
+            )
+            for v in grasp.plant.verdicts
+        ]
+        not_drawn = grasp.plant.settings.get("misses")
+        if isinstance(not_drawn, str):
+            rows.append((str(rank), "misses", "-", "-", "", not_drawn))
     if not rows:
         return []
     return [

@@ -11,6 +11,8 @@
 | loads.py | plans a squeeze, the loads to check it with, and the contact forces that hold them |
 | statics.py | static equilibrium of the plant under gravity along each axis |
 | simulation.py | simulates fingertips that hold the object under each load |
+| load_test.py | simulates planned loads and judges them |
+| misses.py | simulates errors within those that a grasp is certified to bear |
 | fingertips.py | adds three force-controlled fingertips to any plant: `add_fingertips` |
 | harness.py | simulates fingertips and records forces and poses: `GraspSimulation` |
 | grasp_report.py | whether fingertips held the object, and how far it slipped: `report_grasp` |

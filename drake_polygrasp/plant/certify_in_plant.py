@@ -17,7 +17,13 @@ from typing import Any
 
 from pydrake.geometry import Meshcat
 
-from drake_polygrasp.arguments import check_array, check_instance, check_length, check_paths
+from drake_polygrasp.arguments import (
+    check_array,
+    check_count,
+    check_instance,
+    check_length,
+    check_paths,
+)
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.certify import Proof, prove
@@ -37,11 +43,10 @@ from drake_polygrasp.plant import simulation, statics
 from drake_polygrasp.plant.clearance import check_clearance
 from drake_polygrasp.plant.contact_geometry import check_geometry
 from drake_polygrasp.plant.drake_calls import Refusal, ask_drake
+from drake_polygrasp.plant.load_test import PADS, ask_for_loads, simulate_loads
 from drake_polygrasp.plant.loads import LOAD_SHARE, LoadPlan, LoadsUnavailable, plan_loads
+from drake_polygrasp.plant.misses import NO_ERRORS, check_misses
 from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
-
-_PADS = "on flat pads at the contacts"
-"""The reason given when pads replace the object's surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +79,7 @@ def certify_in_plant(
     package_paths: Sequence[str | Path] = (),
     packages: Mapping[str, str | Path] | None = None,
     surroundings: Surroundings | None = None,
+    misses: int | None = None,
     meshcat: Meshcat | None = None,
 ) -> PlantReport:
     """Checks a grasp by its certificate, and in a `MultibodyPlant` with the object's own model.
@@ -97,6 +103,9 @@ def certify_in_plant(
         surroundings: other bodies of the user's scene, which no fingertip may penetrate; see
             `surroundings_from_plant`. Only the geometry check uses them: the simulation turns
             gravity about the object, and a table would hold what the grasp should.
+        misses: how many misses within the errors of the grasp's region certificate to simulate as
+            well, for a verdict "misses" (default: none). Without such a certificate there is no
+            such verdict, and `settings["misses"]` says so.
         meshcat: Meshcat in which a recording of the simulation is published (default: none).
 
     Returns:
@@ -115,11 +124,14 @@ def certify_in_plant(
     if surroundings is not None:
         check_instance("surroundings", surroundings, Surroundings)
         check_same_body("surroundings", surroundings.body, object_.body)
+    if misses is not None:
+        misses = check_count("misses", misses)
     if meshcat is not None:
         check_instance("meshcat", meshcat, Meshcat)
     if internal_force is None and not isinstance(grasp, Grasp):
         internal_force = grasp.certificate.internal_force
     scene = make_scene(object_, contacts, _tip_radius(grasp, tip_radius), package_paths, packages)
+    region = None if isinstance(grasp, Grasp) else grasp.region
     proof = prove(contacts)
     mathematics = _exact(contacts, internal_force, proof), _convex(proof)
     geometry = _geometry(scene, surroundings or Surroundings(()))
@@ -133,26 +145,32 @@ def certify_in_plant(
     }
     if surroundings is not None:
         settings |= {"surroundings": surroundings.names, "surroundings_used_in": "geometry"}
+    if misses is not None:
+        settings["misses"] = NO_ERRORS if region is None else misses
     if geometry.verdict is Verdict.HOLDS:
-        plan = _plan(scene)
+        plan = ask_for_loads(lambda: plan_loads(scene, region))
     else:
         said = "does not hold" if geometry.verdict is Verdict.FAILS else "is undecided"
         plan = LoadsUnavailable(Verdict.UNDECIDED, f"not run: the geometry {said}")
     if isinstance(plan, LoadsUnavailable):
-        rest = (
+        rest: tuple[PlantVerdict, ...] = (
             PlantVerdict("statics", plan.verdict, None, "N", plan.reason),
             PlantVerdict("simulation", plan.verdict, None, "1", plan.reason),
         )
+        if misses and region:
+            rest += (PlantVerdict("misses", plan.verdict, None, "1", plan.reason),)
         return PlantReport((*mathematics, geometry, *rest), settings)
     squeeze = plan.holding.squeeze
     equilibria = ask_drake(lambda: statics.find_equilibria(scene, plan.weight))
-    trace = _simulated(scene, plan, meshcat)
-    held = _statics(plan, equilibria), _simulation(scene, plan, trace)
+    test = simulate_loads(scene, plan, meshcat)
+    held: tuple[PlantVerdict, ...] = (_statics(plan, equilibria), test.verdict)
+    if misses and region:
+        held += (check_misses(scene, region, squeeze, misses),)
     return PlantReport(
         (*mathematics, geometry, *held),
-        settings | {"squeeze": squeeze, "time_step": simulation.time_step(scene, squeeze)},
+        settings | {"squeeze": squeeze, "time_step": test.time_step},
         () if isinstance(equilibria, Refusal) else equilibria,
-        trace if isinstance(trace, simulation.SimulationRecord) else None,
+        test.trace,
         plan.labels,
     )
 
@@ -210,29 +228,6 @@ def _geometry(scene: ScratchScene, surroundings: Surroundings) -> PlantVerdict:
     return PlantVerdict("geometry", _verdict(not faults), margin, "m", reason)
 
 
-def _plan(scene: ScratchScene) -> LoadPlan | LoadsUnavailable:
-    """Returns `plan_loads`, with an error of Drake as a reason."""
-    plan = ask_drake(lambda: plan_loads(scene))
-    if isinstance(plan, Refusal):
-        return LoadsUnavailable(Verdict.UNDECIDED, f"not run: Drake plans no forces: {plan.reason}")
-    return plan
-
-
-def _simulated(
-    scene: ScratchScene, plan: LoadPlan, meshcat: Meshcat | None
-) -> simulation.SimulationRecord | Refusal | LoadsUnavailable:
-    """Simulates the loads, or returns why they cannot be simulated."""
-    squeeze = plan.holding.squeeze
-    step = simulation.time_step(scene, squeeze)
-    if step < simulation.MIN_TIME_STEP:
-        return LoadsUnavailable(
-            Verdict.UNDECIDED,
-            f"not run: a squeeze of {squeeze:.2g} N on this mass and inertia needs time steps of "
-            f"{step:.1g} s, below the least of {simulation.MIN_TIME_STEP:.1g} s",
-        )
-    return ask_drake(lambda: simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat))
-
-
 def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium] | Refusal) -> PlantVerdict:
     if isinstance(equilibria, Refusal):
         return _undecided("statics", "N", equilibria)
@@ -242,25 +237,5 @@ def _statics(plan: LoadPlan, equilibria: Sequence[statics.Equilibrium] | Refusal
         if equilibrium.fault
     ]
     spare = float(plan.weight.spare_friction.min())
-    reason = faults[0] if faults else _PADS
+    reason = faults[0] if faults else PADS
     return PlantVerdict("statics", _verdict(not faults and spare > 0), spare, "N", reason)
-
-
-def _simulation(
-    scene: ScratchScene,
-    plan: LoadPlan,
-    trace: simulation.SimulationRecord | Refusal | LoadsUnavailable,
-) -> PlantVerdict:
-    if isinstance(trace, LoadsUnavailable):
-        return PlantVerdict("simulation", trace.verdict, None, "1", trace.reason)
-    if isinstance(trace, Refusal):
-        return _undecided("simulation", "1", trace)
-    outcome = simulation.judge(trace, len(plan.labels), scene.object_.polyhedron.diameter)
-    reason = "" if scene.solid.is_hulls else _PADS
-    if outcome.lost is not None:
-        under = plan.labels[outcome.lost] if outcome.lost >= 0 else "squeeze"
-        reason = f"a fingertip loses the object: {under}"
-    elif outcome.margin < 0:
-        left = {"slip": outcome.slip, "creep": outcome.creep, "force": outcome.force}
-        reason = f"the bound of {min(left, key=lambda name: left[name])} is exceeded"
-    return PlantVerdict("simulation", _verdict(outcome.margin >= 0), outcome.margin, "1", reason)

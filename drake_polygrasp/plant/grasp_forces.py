@@ -21,7 +21,8 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.certify import prove
 from drake_polygrasp.certification.holding_forces import HoldingProgram
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.grasp import AnyGrasp, GraspObject, Verdict, grasp_of
+from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, Verdict, grasp_of
+from drake_polygrasp.plant.loads import default_squeeze
 
 LOAD_PORT = "F_BBcm_W"
 """Name of the input port of the load."""
@@ -54,7 +55,7 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
         self,
         object_: GraspObject,
         grasp: AnyGrasp,
-        squeeze: float,
+        squeeze: float | None,
         body: RigidBody | BodyIndex,
     ) -> None:
         """Makes the system.
@@ -62,21 +63,33 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
         Args:
             object_: object that is grasped.
             grasp: three contacts in force closure, alone or with their certificate.
-            squeeze: total normal force [N], above 0.
+            squeeze: total normal force [N], above 0; None for that of the plant's checks: the
+                squeeze that the grasp's region certificate states, and at least 1.25 times the
+                one that holds the weight without errors.
             body: body B of the object in the plant, or its index.
 
         Raises:
-            UsageError: when an argument has the wrong type, the squeeze is not above 0, or the
-                grasp is not force closure.
+            UsageError: when an argument has the wrong type, the squeeze is not above 0, there is
+                none that could be used by default, or the grasp is not force closure.
         """
         super().__init__()
         check_instance("object_", object_, GraspObject, "as load_object returns it")
         self._grasp = grasp_of(grasp)
-        self._squeeze = check_number("squeeze", squeeze, "a force above 0 N", above=0.0)
+        if squeeze is not None:
+            squeeze = check_number("squeeze", squeeze, "a force above 0 N, or None", above=0.0)
         self._body_index = _index_of(body)
         proof = prove(self._grasp)
         if proof.verdict is not Verdict.HOLDS:
             raise UsageError(f"the grasp is not proved force closure: {proof.reason}")
+        if squeeze is None:
+            region = None if isinstance(grasp, Grasp) else grasp.region
+            squeeze = default_squeeze(object_, self._grasp, region)
+        if squeeze is None:
+            raise UsageError(
+                "no squeeze is known that holds the weight, as the model states no mass or no "
+                "squeeze is enough: give squeeze, a force above 0 N"
+            )
+        self._squeeze = squeeze
         self._program = HoldingProgram(self._grasp, object_.p_BBcm, object_.rho)
         squeeze_f_B = self._program.forces(np.zeros(6), self._squeeze)
         if squeeze_f_B is None:

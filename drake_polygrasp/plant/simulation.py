@@ -169,7 +169,12 @@ def settings() -> dict[str, Any]:
 
 
 def simulate(
-    scene: ScratchScene, squeeze_f_B: Array, holding: Holding, meshcat: Meshcat | None = None
+    scene: ScratchScene,
+    squeeze_f_B: Array,
+    holding: Holding,
+    meshcat: Meshcat | None = None,
+    *,
+    refinement: int = 1,
 ) -> SimulationRecord:
     """Simulates fingertips that squeeze an object, and then hold it under each load.
 
@@ -180,6 +185,7 @@ def simulate(
             commanded.
         holding: loads, and contact forces that balance each; their normal parts are commanded.
         meshcat: Meshcat in which a recording is published (default: none).
+        refinement: the time step is that of `time_step` over this.
 
     Returns:
         The record. It ends early if the object is thrown so far that Drake computes numbers that
@@ -187,7 +193,8 @@ def simulate(
     """
     squeeze = normal_forces(scene.grasp, squeeze_f_B)
     pushes = normal_forces(scene.grasp, holding.f_Bc_B)
-    return _LoadTest(scene, squeeze, meshcat).run(holding.wrench_B, pushes)
+    step = time_step(scene, float(squeeze.sum())) / refinement
+    return _LoadTest(scene, squeeze, step, meshcat).run(holding.wrench_B, pushes)
 
 
 def judge(trace: SimulationRecord, num_loads: int, diameter: float) -> SimulationOutcome:
@@ -230,11 +237,12 @@ def _longest(vectors: Array) -> float:
 class _LoadTest:
     """Simulation of object and fingertips under loads, sample by sample."""
 
-    def __init__(self, scene: ScratchScene, squeeze: Array, meshcat: Meshcat | None) -> None:
+    def __init__(
+        self, scene: ScratchScene, squeeze: Array, step: float, meshcat: Meshcat | None
+    ) -> None:
         self._scene, self._squeeze = scene, squeeze
         self._stiffness = float(squeeze.sum()) / (TIP_TRAVEL * scene.object_.polyhedron.diameter)
         builder = DiagramBuilder()
-        step = time_step(scene, float(squeeze.sum()))
         self._plant, scene_graph = AddMultibodyPlantSceneGraph(builder, step)
         self._fingertips = self._add_bodies()
         self._finish_plant()

@@ -18,6 +18,7 @@ import numpy as np
 
 from drake_polygrasp.arguments import (
     Progress,
+    check_count,
     check_flag,
     check_path,
     check_paths,
@@ -71,6 +72,7 @@ def verify_file(
     *,
     plant: bool = False,
     scene: Path | str | None = None,
+    misses: int | None = None,
     progress: Progress | None = None,
 ) -> VerificationReport:
     """Checks all claims of a grasp file, without the planner.
@@ -90,6 +92,8 @@ def verify_file(
             `certify_in_plant`.
         scene: for `plant`: model directives with the object and other bodies, which no fingertip
             may penetrate at their default poses; see `load_surroundings`.
+        misses: for `plant`: how many misses to simulate of each grasp, drawn within the errors that
+            its `region` states (default: none).
         progress: called with the number of grasps that are checked and the number of all.
 
     Returns:
@@ -97,7 +101,8 @@ def verify_file(
         but the model was not found or a plant leaves a grasp undecided.
 
     Raises:
-        UsageError: when an argument has the wrong type, or there is a scene without `plant`.
+        UsageError: when an argument has the wrong type, or there is a scene, or misses, without
+            `plant`.
         GraspFileError: when the file cannot be read or breaks the format.
         ModelError: when one of `package_paths` or `packages` is no folder, or the scene cannot be
             loaded or does not hold the object.
@@ -109,6 +114,10 @@ def verify_file(
         check_path("scene", scene)
     if scene is not None and not plant:
         raise UsageError("a scene is for the plant that grasps are checked in: add plant=True")
+    if misses is not None:
+        misses = check_count("misses", misses)
+    if misses is not None and not plant:
+        raise UsageError("misses are simulated in the plant: add plant=True")
     file = load_grasps(path)
     model, avoided = _find_model(file, package_paths, packages), file.plan.exclusion
     # A file may state numbers of any size; every comparison below fails if one overflows.
@@ -122,7 +131,7 @@ def verify_file(
         for i, stated in enumerate(file.grasps):
             tell(i, len(file.grasps))
             grasps[i] = _with_plant(
-                grasps[i], stated, model.object_, package_paths, packages, around
+                grasps[i], stated, model.object_, package_paths, packages, around, misses
             )
     return VerificationReport(
         file.path, tuple(grasps), model.line.status is not Status.NOT_CHECKED, model.warnings
@@ -166,6 +175,7 @@ def _with_plant(
     package_paths: Sequence[Path | str],
     packages: Mapping[str, str | Path] | None,
     surroundings: Surroundings | None,
+    misses: int | None,
 ) -> GraspVerification:
     """Adds the verdicts of a plant to a report in which no check fails."""
     # Simulation is loaded only if it is asked for.
@@ -180,6 +190,7 @@ def _with_plant(
         package_paths=package_paths,
         packages=packages,
         surroundings=surroundings,
+        misses=misses,
     )
     return replace(report, plant=verdicts)
 
