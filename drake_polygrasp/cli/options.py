@@ -186,29 +186,30 @@ def _add_error_options(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         type=read_length,
         default=0.0,
-        help="by how much a contact may miss its place along its face [m]; contacts keep at least "
-        "this distance from edges (default: 0)",
+        help="distance by which each fingertip may miss its contact along the face, in any "
+        "direction [m]; contacts keep at least this distance from edges (default: 0)",
     )
     parser.add_argument(
         "--tilt-error",
         metavar="RAD",
         type=read_tilt,
         default=0.0,
-        help="by how much the true normal at a contact may tilt [rad]; grasps are planned with the "
-        "friction that is left (default: 0)",
+        help="angle by which the true normal at each contact may differ from the model's [rad]; "
+        "grasps are planned with the friction that is left (default: 0)",
     )
     parser.add_argument(
         "--friction-error",
         metavar="SHARE",
         type=read_share,
         default=0.0,
-        help="share by which friction coefficients may be too high; grasps are planned with the "
-        "friction that is left (default: 0)",
+        help="share by which friction coefficients may be less than the model's: 0.2 for 20 "
+        "percent; grasps are planned with the friction that is left (default: 0)",
     )
     parser.add_argument(
         "--com-error",
         metavar="M",
         type=read_length,
         default=0.0,
-        help="by how much the centre of mass may be off [m] (default: 0)",
+        help="distance by which the centre of mass may be off, in any direction [m]; it counts in "
+        "the bounds of epsilon and squeeze force under errors (default: 0)",
     )

@@ -200,7 +200,10 @@ def no_grasp_message(model: str, object_: GraspObject, plan: GraspPlan, output: 
         output: the grasp file that is not written.
     """
     reasons = ", ".join(f"{count} {reason}" for reason, count in plan.reasons.items())
-    why = f" ({reasons})" if reasons else ": no two faces have room within the edge clearance"
+    kept = (
+        "edge clearance and placement error" if plan.settings.placement_error else "edge clearance"
+    )
+    why = f" ({reasons})" if reasons else f": no two faces have room within the {kept}"
     if plan.outcome == "none_found":
         result = (
             f"no grasp found; {plan.num_not_evaluated} of {plan.num_sets} sets of faces were not "

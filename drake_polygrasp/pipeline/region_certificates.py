@@ -54,8 +54,9 @@ def certify_region(
 ) -> RegionCertificate | None:
     """Proves that a grasp bears errors of place, tilt, friction and centre of mass, all at once.
 
-        best = plan_grasps(box, placement_error=0.003).grasps[0]
-        more = certify_region(box, best, placement_error=0.005, tilt_error=0.05)
+        best = plan_grasps(box, edge_clearance=0.005).grasps[0]
+        region = certify_region(box, best, placement_error=0.005, tilt_error=0.05)
+        print(region.epsilon_lower if region else "not proved")
 
     Args:
         object_: object that is grasped.

@@ -84,6 +84,22 @@ def test_plan_writes_what_verify_bears_out(capsys: pytest.CaptureFixture[str]) -
     assert verify.out.splitlines()[-1] == "all that was checked holds"
 
 
+@pytest.mark.parametrize(
+    ("asked", "kept"),
+    [
+        ("edge-clearance", "edge clearance"),
+        ("placement-error", "edge clearance and placement error"),
+    ],
+)
+def test_faces_that_are_too_small_are_named_by_what_they_are_too_small_for(
+    asked: str, kept: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # The cube's faces have an inradius of 30 mm.
+    plan = Run(capsys, f"plan {CUBE} --{asked} 0.031")
+    assert plan.code == 1
+    assert f": no two faces have room within the {kept};" in plan.err
+
+
 def test_the_table_has_a_row_a_grasp_and_a_unit_where_there_is_one(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
