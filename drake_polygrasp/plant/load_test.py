@@ -81,9 +81,7 @@ def _simulated(
     """Simulates the loads with the usual time step over `refinement`."""
     step = simulation.time_step(scene, plan.holding.squeeze) / refinement
     trace = ask_drake(
-        lambda: simulation.simulate(
-            scene, plan.squeeze_f_B, plan.holding, meshcat, refinement=refinement
-        )
+        lambda: simulation.simulate(scene, plan.squeeze_f_B, plan.holding, meshcat, refinement)
     )
     if isinstance(trace, Refusal):
         reason = f"Drake refuses it: {trace.reason}"

@@ -173,7 +173,6 @@ def simulate(
     squeeze_f_B: Array,
     holding: Holding,
     meshcat: Meshcat | None = None,
-    *,
     refinement: int = 1,
 ) -> SimulationRecord:
     """Simulates fingertips that squeeze an object, and then hold it under each load.
