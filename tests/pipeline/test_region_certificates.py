@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import textwrap
 from dataclasses import replace
 from pathlib import Path
 
@@ -140,3 +142,13 @@ def test_a_grasp_of_another_object_is_refused(box: GraspObject) -> None:
     elsewhere = replace(across(), faces=(6, 0, 0))
     with pytest.raises(UsageError, match="on face 6, and the object has 6 faces from 0"):
         certify_region(box, elsewhere)
+
+
+def test_the_example_in_help_certifies_a_grasp(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = str(inspect.getdoc(certify_region)).partition("Args:")[0].partition("\n")[2]
+    brick = load_object(MODELS / "brick" / "brick.urdf")
+    exec(
+        textwrap.dedent(shown),
+        {"box": brick, "plan_grasps": plan_grasps, "certify_region": certify_region},
+    )
+    assert float(capsys.readouterr().out) > 0
