@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Sphere
+from pydrake.geometry import Box, Ellipsoid, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
 
@@ -33,7 +33,7 @@ from drake_polygrasp.grasp import Grasp, RegionCertificate, Verdict
 from drake_polygrasp.plant import simulation
 from drake_polygrasp.plant.load_test import REFINEMENT, simulate_loads
 from drake_polygrasp.plant.loads import LoadPlan, plan_loads
-from drake_polygrasp.plant.misses import draw_miss
+from drake_polygrasp.plant.misses import check_misses, draw_miss
 from drake_polygrasp.plant.scratch_plant import ScratchScene
 from drake_polygrasp.plant.simulation import SimulationOutcome
 from drake_polygrasp.plant.surface_distance import SurfaceDistance
@@ -208,6 +208,15 @@ def test_without_a_certified_squeeze_misses_are_undecided() -> None:
     report = checked(replace(region(), squeeze_force=None), misses=3)
     assert report.verdict is Verdict.UNDECIDED
     assert "no squeeze is certified" in report.verdicts[-1].reason
+
+
+def test_on_ellipsoids_misses_are_undecided() -> None:
+    scene = cube_scene()
+    egg = (Ellipsoid(0.03, 0.04, 0.05), RigidTransform())
+    scene = replace(scene, solid=replace(scene.solid, parts=(egg,)))
+    verdict = check_misses(scene, region(), 20.0, 3)
+    assert verdict.verdict is Verdict.UNDECIDED
+    assert "ellipsoids" in verdict.reason
 
 
 @pytest.mark.parametrize(("certified_squeeze", "used"), [(20.0, 20.0), (1.0, NEEDED / 0.8)])
