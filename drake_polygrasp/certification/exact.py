@@ -489,21 +489,22 @@ def _refuse_near_line(corners: list[list[list[int]]]) -> None:
     The height of a contact triangle over its longest side is at least the thickness of the slab of
     the opposite contact, so 2 area / side^2 is at least thickness / side.
     """
-    pairs = ((0, 1), (0, 2), (1, 2))
-    sides = [_minus(b, a) for i, j in pairs for a in corners[i] for b in corners[j]]
-    longest = max(_dot(side, side) for side in sides)
     # The mean corner of each region, times one number for all.
     count = math.prod(len(region) for region in corners)
     means = [
         [sum(c) * (count // len(region)) for c in zip(*region, strict=True)] for region in corners
     ]
+    # A ball about the middle of these holds all corners: no side is longer than its diameter.
+    middle = [sum(c) for c in zip(*means, strict=True)]
+    offs = [_minus([3 * count * c for c in p], middle) for region in corners for p in region]
+    longest = 4 * max(_dot(off, off) for off in offs)
     area = _cross(_minus(means[1], means[0]), _minus(means[2], means[0]))
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
         across = _cross(area, _minus(means[k], means[j]))
         near = min(_dot(across, p) for p in corners[i])
         far = max(_dot(across, p) for p in corners[j] + corners[k])
         thickness, unit = near - far, _dot(across, across) * longest
-        if thickness <= 0 or _sign(thickness**2, MIN_AREA_RATIO**2, unit) < 0:
+        if thickness <= 0 or _sign((3 * count * thickness) ** 2, MIN_AREA_RATIO**2, unit) < 0:
             raise _RefusedError("contacts in the regions may be collinear, or nearly so")
 
 
@@ -633,10 +634,12 @@ def _check_stated_region(grasp: dict[str, Any]) -> Check:
         ]
     else:
         pieces = [[(p_BV, n, 0.0)] for p_BV, n in zip(region["p_BV"], normals, strict=True)]
-        for i, radius in enumerate(region["placement_error"]):
-            disc = contains_disc(region["p_BV"][i], contacts[i]["p_BC"], normals[i], radius)
+    places = zip(pieces, contacts, region["placement_error"], strict=True)
+    for i, (own, contact, radius) in enumerate(places, start=1):
+        if len(own) == 1 and not own[0][2]:
+            disc = contains_disc(own[0][0], contact["p_BC"], own[0][1], radius)
             if not disc.ok:
-                return Check(False, f"{disc.reason} about contact {i + 1}")
+                return Check(False, f"{disc.reason} about contact {i}")
     mu, x = [contact["mu"] for contact in contacts], region["internal_force"]
     return check_region(pieces, mu, x, region["tilt_error"], region["friction_error"])
 
@@ -658,7 +661,7 @@ def main() -> int:
             )
             for grasp in grasps
         ]
-        regions = [_check_stated_region(g) if g.get("region") else None for g in grasps]
+        regions = [_check_stated_region(g) if "region" in g else None for g in grasps]
     except (ValueError, RecursionError, KeyError, IndexError, TypeError, AttributeError) as error:
         print(f"no plan in JSON on standard input: {error!r}", file=sys.stderr)
         return 2

@@ -99,7 +99,7 @@ def _read_pieces(block: Block, nhat_TB_B: Array) -> tuple[tuple[SurfacePiece, ..
     each = Block({f"{key}[{i}]": contact for i, contact in enumerate(contacts)}, block.where)
     if key == "p_BV":
         return tuple(
-            (SurfacePiece(each.vectors(name), n),)
+            (SurfacePiece(_read_corners(each, name), n),)
             for name, n in zip(each.data, nhat_TB_B, strict=True)
         )
     return tuple(tuple(_read_piece(piece) for piece in each.blocks(name)) for name in each.data)
@@ -107,4 +107,11 @@ def _read_pieces(block: Block, nhat_TB_B: Array) -> tuple[tuple[SurfacePiece, ..
 
 def _read_piece(block: Block) -> SurfacePiece:
     spread = block.number("tan_spread", "zero or positive") if "tan_spread" in block.data else 0.0
-    return SurfacePiece(block.vectors("p_BV"), block.vector("nhat_TB_B"), spread)
+    return SurfacePiece(_read_corners(block, "p_BV"), block.vector("nhat_TB_B"), spread)
+
+
+def _read_corners(block: Block, key: str) -> Array:
+    """Reads at least one corner, shape (n, 3)."""
+    if not block.items(key):
+        raise block.refuse(key, "a list of corners, at least one")
+    return block.vectors(key)

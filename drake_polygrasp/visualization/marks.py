@@ -131,6 +131,10 @@ def draw_pieces(
         colour: "#rrggbb".
     """
     outlines = [piece_outline(piece, lift) for piece in pieces]
+    # A file may state pieces without an area; verify refuses them.
+    outlines = [outline for outline in outlines if len(outline) > 2]
+    if not outlines:
+        return
     fans = [
         np.stack([np.broadcast_to(p[0], p[1:-1].shape), p[1:-1], p[2:]], axis=1) for p in outlines
     ]

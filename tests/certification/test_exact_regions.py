@@ -114,6 +114,19 @@ def test_regions_of_points_are_contacts():
         assert ("collinear" in check.reason) is not holds
 
 
+def test_corners_by_the_thousand_are_judged_as_their_hull():
+    p, n, mu = numbers(box_grasp())
+    for half, holds in ((0.004, True), (0.04, False)):
+        square = half * np.array([[0.0, -1, -1], [0, -1, 1], [0, 1, 1], [0, 1, -1], [0, -1, -1]])
+        at = np.linspace(0, 4, 4001)
+        dense = np.stack([np.interp(at, range(5), axis) for axis in square.T], axis=1)
+        for corners in (square, dense):
+            regions = [
+                [((p_i + corners).tolist(), n_i, 0.0)] for p_i, n_i in zip(p, n, strict=True)
+            ]
+            assert check_region(regions, mu, BOX_X, 0.05, 0.1).ok is holds
+
+
 def random_regions(rng, radius: float, num_pieces: int = 1, num_corners: int = 4):
     """Polytopes about the contacts of a prism, with normals turned a little."""
     grasp = prism_grasp(radius=1.0)
@@ -346,6 +359,13 @@ def stated_pieces(normal):
             1,
             "may leave its cone on its piece 2",
         ),
+        (
+            stated_plan(pieces=[[piece[0] | {"tan_spread": 0.0}] for piece in stated_pieces(None)]),
+            1,
+            "contain the disc about contact 1",
+        ),
+        (stated_plan(placement_error=[0.00199] * 2), 2, ""),
+        (json.dumps({"grasps": [json.loads(stated_plan())["grasps"][0] | {"region": {}}]}), 2, ""),
         (stated_plan(p_BV=None), 2, ""),
         (stated_plan(pieces=[[{}]]), 2, ""),
     ],
