@@ -168,14 +168,14 @@ class Certificate:
             each other strictly inside the friction cones. Their normal parts have total 1.
         margin: how far inside the cones those forces are, in (0, 1]: the least over contacts of
             3 (n.f - |tangential f| / mu), 1 for three equal normal forces.
-        mu_min: the greatest friction coefficient after all are scaled down by one factor so far
-            that the grasp only just remains force closure; 0 if hardly any friction is needed.
+        mu_min: friction that is proved to be enough: all coefficients may be scaled down by one
+            factor until the greatest is this; 0 if hardly any friction is needed.
         mu_min_internal_force: the proof at friction `mu_min` [1/m], shape (3,).
         epsilon_lower: lower bound of epsilon.
         epsilon_upper: upper bound of epsilon.
-        placement_tolerance: distance by less than which contacts may move along their faces [m].
-        tilt_tolerance: angle by less than which normals may tilt [rad].
-        friction_tolerance: amount by less than which friction coefficients may drop.
+        placement_tolerance: contacts may move along their faces by anything less than this [m].
+        tilt_tolerance: normals may tilt by anything less than this [rad].
+        friction_tolerance: friction coefficients may drop by anything less than this.
         squeeze_force: total normal force that holds the weight in every orientation [N]; None if
             the mass is unknown.
     """

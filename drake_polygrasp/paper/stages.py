@@ -278,6 +278,7 @@ class _Stages:
         )
         phi = to_decimals(np.arcsin(sine_of_pair(regions.nhat_TB_B[cut.region[:, :2]])))
         q_4 = q_orientation(phi, alpha[where[cut.owner]])
+        # Two faces have n_2 = n_3, so d_min = 0 and q_5 (eq. 10) is 1.
         found = self._opposed_contacts(cut, q_4, np.ones_like(q_4), code, where, first)
         return code, [found]
 

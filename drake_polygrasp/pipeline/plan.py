@@ -104,8 +104,8 @@ def plan_grasps(
         object_: object to grasp, with the friction of its faces.
         method: "paper" constructs one grasp for each set of faces as the text says; "enriched"
             also tries variants of it and, ranking by epsilon, other contacts on the same faces.
-        top: greatest number of grasps to return, one for each set of faces. If the clearance cuts a
-            face in two, each part counts as a face.
+        top: greatest number of grasps to return, one for each set of faces. If
+            `edge_clearance` cuts a face in two, each part counts as a face.
         rank: order of the grasps: "epsilon", "margin" or the paper's "Q" (default: "epsilon"; "Q"
             for the paper).
         edge_clearance: least distance of contacts from the edges of their faces [m] (default: 0.01

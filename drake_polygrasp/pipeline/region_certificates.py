@@ -52,7 +52,10 @@ def certify_region(
     friction_error: float = 0.0,
     com_error: float = 0.0,
 ) -> RegionCertificate | None:
-    """Proves that a grasp bears errors of place, tilt, friction and centre of mass, all at once.
+    """Proves that a grasp stays force closure under errors of several kinds, all at once.
+
+    The errors are of place, tilt, friction and centre of mass. `Certificate` has tolerances of one
+    kind of error at a time.
 
         best = plan_grasps(box, edge_clearance=0.005).grasps[0]
         region = certify_region(box, best, placement_error=0.005, tilt_error=0.05)
@@ -68,8 +71,9 @@ def certify_region(
         com_error: by how much the centre of mass may be off, in any direction [m].
 
     Returns:
-        The certificate, which a grasp file states as `region`; None if a contact may touch what it
-        must not, or no internal force is found that proves all placements.
+        The certificate, which a grasp carries as `CertifiedGrasp.region` and a grasp file states;
+        None if a fingertip that misses may touch nothing, or another part than the contact's
+        surface, or if no internal force is found that proves all placements.
 
     Raises:
         UsageError: if an argument is not what it must be.

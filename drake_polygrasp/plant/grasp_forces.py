@@ -31,6 +31,8 @@ LOAD_PORT = "F_BBcm_W"
 class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not followed.
     """Ideal fingertips as a system: holds an object against a load with forces at three contacts.
 
+    The load is an input; without it, nothing holds the weight.
+
     It applies those contact forces that balance the load with normal parts that add up to the
     squeeze, and that are farthest inside the friction cones.
 
@@ -40,15 +42,20 @@ class GraspForces(LeafSystem):  # type: ignore[misc]  # Drake's stubs are not fo
             forces.GetOutputPort("applied_spatial_force"),
             plant.get_applied_spatial_force_input_port(),
         )
+        weight = SpatialForce(tau=np.zeros(3), f=[0, 0, -9.81 * mug.mass])
+        load = builder.AddSystem(ConstantValueSource(Value(weight)))
+        builder.Connect(load.get_output_port(), forces.GetInputPort("F_BBcm_W"))
 
     Input ports:
         - body_poses: the plant's output port of that name.
-        - F_BBcm_W: the load, a `SpatialForce` on body B at its centre of mass, expressed in W:
-          torque [N m] and force [N], the weight included. It is zero if the port is not connected.
+        - F_BBcm_W: the load, a `SpatialForce` on body B at its centre of mass, expressed in the
+          world W: torque [N m] and force [N], the weight included. If the port is not connected it
+          is zero: the fingertips squeeze, and gravity takes the object.
 
     Output ports:
         - applied_spatial_force: for the plant's input port of that name.
-        - holds: 1, or 0 if no contact forces balance the load; then only the squeeze is applied.
+        - holds: 1, or 0 if no contact forces balance the load; then only internal forces of the
+          total `squeeze` are applied, which hold no load.
     """
 
     def __init__(
