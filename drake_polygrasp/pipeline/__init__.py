@@ -1,15 +1,15 @@
-"""From a request to proved, ranked grasps: the one room that knows paper, search and certificate.
+"""Plans grasps: candidates of the paper and of the search are proved, ranked and certified.
 
 | file | what it holds |
 |---|---|
-| request.py | what to plan for, checked |
+| request.py | an object and validated options: `PlanRequest` |
 | friction_left.py | the friction that errors of tilt and friction leave to plan with |
 | proposals.py | candidates of the paper and of the search, before any is proved |
-| candidates.py | candidates projected onto the true surface |
-| judge.py | what becomes of them, and the proofs of those that hold |
-| judging.py | which candidates are proved, and in which order |
-| longer_search.py | goes on where fewer grasps are found than wanted |
-| freed_memory.py | keeps the memory that a plan frees |
+| candidates.py | projects candidates onto the true surface |
+| judge.py | proves candidates, and keeps their outcomes and proofs |
+| judging.py | chooses which candidates are proved, and in which order |
+| longer_search.py | adds candidates if fewer grasps are found than asked for |
+| freed_memory.py | keeps memory that planning frees and needs again |
 | region_certificates.py | certifies the errors that a grasp bears |
 | ranking.py | puts proved candidates in order and certifies the best |
 | plan.py | `plan_grasps` |

@@ -1,4 +1,4 @@
-"""Projects candidate contacts onto the true surface, where they are judged."""
+"""Projects candidate contacts onto the true surface, on which they are proved."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrenches.contacts import force_closure, non_collinear, plane_normal
 
 KINDS: tuple[Kind, ...] = ("three_faces", "three_parallel_faces", "two_faces")
+"""Kinds of grasps, by the numbers in `ProjectedCandidates.kind`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProjectedCandidates:
     """Candidate grasps with their contacts on the true surface, one row each.
 
-    Rows are never changed: what becomes of them is the `Judge`'s to say.
+    Rows are immutable; a `Judge` keeps the outcomes of their proofs.
 
     Attributes:
-        request: what to plan for.
-        plan: the sets of regions, and what the paper's stages make of them.
-        candidates: with contacts moved to the true surface; q is NaN where the paper's stages give
-            none.
+        request: the request.
+        plan: sets of regions, and the results of the paper's stages on them.
+        candidates: candidates with contacts on the true surface; q is NaN if the paper's stages
+            give none.
         nhat_TB_B: inward unit normals, shape (M, 3, 3).
-        mu: friction coefficients of the model, which proofs are of, shape (M, 3).
-        face: faces that contacts are on, shape (M, 3).
-        kind: position in KINDS, shape (M,).
-        outcome: position in REASONS of each candidate; UNJUDGED where it may still hold, shape
-            (M,).
+        mu: friction coefficients of the model, which proofs use, shape (M, 3).
+        face: indices of the faces of the contacts, shape (M, 3).
+        kind: index in KINDS, shape (M,).
+        outcome: index in REASONS; UNJUDGED if the candidate may still hold, shape (M,).
     """
 
     request: PlanRequest
@@ -67,23 +67,39 @@ class ProjectedCandidates:
 
     @property
     def contacts(self) -> tuple[Array, Array, Array]:
-        """Contact points [m], inward unit normals and friction coefficients of all candidates."""
+        """Contact points [m], inward unit normals and the model's friction of all candidates."""
         return self.candidates.p_BC, self.nhat_TB_B, self.mu
 
     def contacts_of(self, rows: Ints) -> tuple[Array, Array, Array]:
-        """Returns `contacts` of some candidates."""
+        """Returns `contacts` of some candidates.
+
+        Args:
+            rows: indices of the candidates, shape (N,).
+        """
         return self.candidates.p_BC[rows], self.nhat_TB_B[rows], self.mu[rows]
 
     def narrowed_contacts_of(self, rows: Ints) -> tuple[Array, Array, Array]:
-        """Returns contacts of some candidates with the friction that errors leave."""
+        """Returns contacts of some candidates with the friction that errors leave.
+
+        Args:
+            rows: indices of the candidates, shape (N,).
+        """
         return *self.contacts_of(rows)[:2], self.request.mu_left[self.face[rows]]
 
     def one_row_a_contact(self, rows: Ints) -> tuple[Array, Array]:
-        """Returns contact points [m] and normals of some candidates, shape (3 len(rows), 3)."""
+        """Returns contact points [m] and normals of some candidates, shape (3 N, 3) each.
+
+        Args:
+            rows: indices of the candidates, shape (N,).
+        """
         return self.candidates.p_BC[rows].reshape(-1, 3), self.nhat_TB_B[rows].reshape(-1, 3)
 
     def followed_by(self, more: ProjectedCandidates) -> ProjectedCandidates:
-        """Returns these candidates and then others, whose plan has all sets of both."""
+        """Returns these candidates, followed by others.
+
+        Args:
+            more: candidates of the same request, whose plan has the sets of both.
+        """
         return ProjectedCandidates(
             self.request,
             more.plan,
@@ -95,7 +111,11 @@ class ProjectedCandidates:
         )
 
     def sets_of(self, rows: Iterable[int]) -> Ints:
-        """Returns the sets of some candidates, each once, as ascending positions in the plan."""
+        """Returns the sets of some candidates, each once, as ascending indices in the plan.
+
+        Args:
+            rows: indices of the candidates.
+        """
         sets: Ints = np.unique(self.candidates.set_index[np.fromiter(rows, dtype=np.int64)])
         return sets
 
@@ -104,7 +124,7 @@ def has_fingertip_room(request: PlanRequest, p_BC: Array, nhat_TB_B: Array) -> B
     """Returns whether fingertips penetrate the object nowhere, shape (M,).
 
     Args:
-        request: what to plan for; its fingertips.
+        request: the request, with the object and the tip radius.
         p_BC: contact points on the surface [m], shape (M, 3).
         nhat_TB_B: inward unit normals, shape (M, 3).
     """
@@ -115,7 +135,7 @@ def clear_of_obstacles(request: PlanRequest, p_BC: Array, nhat_TB_B: Array) -> B
     """Returns whether fingertips penetrate no obstacle, shape (M,).
 
     Args:
-        request: what to plan for; its fingertips and obstacles.
+        request: the request, with the obstacles and the tip radius.
         p_BC: contact points on the surface [m], shape (M, 3).
         nhat_TB_B: inward unit normals, shape (M, 3).
     """
@@ -132,17 +152,18 @@ def project_candidates(
 ) -> ProjectedCandidates:
     """Projects candidates onto the true surface and tests their force closure in closed form.
 
-    Contacts are rounded to the digits that a grasp file states: all that follows is of these.
+    Contacts are rounded to the digits that a grasp file states, so proofs hold for what is written.
 
     Args:
-        request: what to plan for.
-        plan: sets of regions and what the paper's stages make of them.
+        request: the request.
+        plan: sets of regions, and the results of the paper's stages on them.
         triples: more contacts on these sets.
-        first: the first of the plan's candidates that is not among other candidates already.
+        first: index of the first of the plan's candidates to project; those before are projected
+            already.
 
     Returns:
-        The plan's candidates from `first` on, then the triples. Those that are not on the surface,
-        not force closure, or whose fingertips overlap, have that as their outcome.
+        The plan's candidates from `first` on, then the triples. The outcome tells those that are
+        not on the surface, not force closure, or whose fingertips overlap.
     """
     polyhedron, regions = request.object_.polyhedron, request.regions
     rows = plan.candidates.take(np.arange(first, len(plan.candidates.set_index)))
@@ -175,7 +196,7 @@ def project_candidates(
 
 
 def _planes_of(p_BC: Array, rows: Candidates, slack: float) -> tuple[Array, Array]:
-    """Normals and points of Pi_p, or of the plane through contacts that projection moved off it."""
+    """Returns normals and points of Pi_p; of the contacts' plane if projection moved them off."""
     nhat_B, p_BP = rows.nhat_B.copy(), rows.p_BP.copy()
     off = np.abs(dot(nhat_B[:, None], p_BC - p_BP[:, None])).max(axis=1)
     moved = np.flatnonzero(off > slack)
@@ -187,7 +208,7 @@ def _planes_of(p_BC: Array, rows: Candidates, slack: float) -> tuple[Array, Arra
 
 
 def _candidates_of(regions: Regions, plan: SetPlan, triples: Triples) -> Candidates:
-    """Triples as candidates, contacts in the paper's order: first A_1, which the others oppose."""
+    """Returns triples as candidates in the paper's order: first A_1, which the others oppose."""
     nhat, mu = regions.nhat_TB_B[triples.region], regions.mu[triples.region]
     parallel = classify(nhat, friction_angle(mu))
     is_parallel = np.zeros(len(mu), dtype=bool)

@@ -1,4 +1,4 @@
-"""What becomes of candidates: which are judged, which hold, and the proofs of those that do."""
+"""Proves candidates, and keeps their outcomes and the proofs of those that hold."""
 
 from __future__ import annotations
 
@@ -24,43 +24,51 @@ _OUTCOME = {
 
 
 class Judge:
-    """Judges candidates by the exact certificate and remembers what it found.
+    """Judges candidates by the exact certificate, and keeps their outcomes.
 
     Attributes:
         work: the candidates.
-        outcome: position in REASONS of each, UNJUDGED where it is still open, shape (M,).
-        proofs: the proof of each candidate that was found to hold, by its row.
+        outcome: index in REASONS of each, UNJUDGED if it is not judged yet, shape (M,).
+        proofs: proofs of the candidates that hold, by their indices.
     """
 
     def __init__(self, work: ProjectedCandidates) -> None:
-        """Begins with the outcomes that the candidates have."""
+        """Starts with the outcomes that candidates have from their projection.
+
+        Args:
+            work: the candidates.
+        """
         self.work = work
         self.outcome: Codes = work.outcome.copy()
         self.proofs: dict[int, Proof] = {}
 
     @property
     def open_rows(self) -> Ints:
-        """Candidates that may hold and are not judged yet, ascending."""
+        """Indices of the candidates that are not judged yet, ascending."""
         return np.flatnonzero(self.outcome == UNJUDGED)
 
     @property
     def held_sets(self) -> Ints:
-        """Sets of faces on which a candidate holds, ascending positions."""
+        """Indices of the sets of faces on which a candidate holds, ascending."""
         return self.work.sets_of(self.proofs)
 
     def extend(self, more: ProjectedCandidates) -> None:
-        """Takes more candidates, the first of which are those it has; these keep their outcomes."""
+        """Adds candidates; those that are there keep their outcomes.
+
+        Args:
+            more: the candidates that are there, followed by new ones.
+        """
         self.outcome = np.append(self.outcome, more.outcome[len(self.outcome) :])
         self.work = more
 
     def judge(self, rows: Ints) -> None:
-        """Judges candidates: whether fingertips fit, and whether the exact certificate holds.
+        """Judges contacts on the surface, room for fingertips and force closure.
 
-        Contacts must be where `verify` finds them too: on the exposed surface, with the body
-        behind them and no more friction than is there.
+        As in `verify`, contacts must be on the exposed surface, with the body on the side of their
+        inward normals and with at most the friction of their face.
 
         Args:
-            rows: which candidates, shape (N,).
+            rows: indices of the candidates, shape (N,).
         """
         if not len(rows):
             return
@@ -69,7 +77,7 @@ class Judge:
         found = face_at(request.object_.polyhedron, *contacts).reshape(-1, 3)
         there = np.append(request.object_.polyhedron.mu, -np.inf)[found]
         on_face = work.mu[rows] <= there
-        # On curved surfaces, whose faces are patches, the true normals decide what is excluded.
+        # The normals of contacts on a patch differ from its own, by which regions were excluded.
         avoided = request.exclusion.avoids(contacts[1], found.ravel())
         avoided = avoided.reshape(-1, 3)[on_face.all(axis=1)]
         rows = self._passed(rows, on_face, "off_face")
@@ -88,20 +96,20 @@ class Judge:
         }
 
     def _passed(self, rows: Ints, passes: Bools, reason: str) -> Ints:
-        """Returns the rows all of whose contacts pass; the others get the reason as outcome."""
+        """Returns the rows of which all contacts pass; the others get the reason as outcome."""
         whole = np.logical_and.reduce(passes.reshape(-1, 3), axis=1)
         self.outcome[rows[~whole]] = CODE[reason]
         return rows[whole]
 
     def judge_best(self, rows: Ints, score: Array, wanted: int) -> None:
-        """Judges candidates of best score until `wanted` sets hold and the next score is less.
+        """Judges candidates in descending order of score until `wanted` sets hold.
 
-        Scores nearer than EQUAL_QUALITY are a tie.
+        Candidates whose scores are equal, up to EQUAL_QUALITY, are judged together.
 
         Args:
-            rows: the candidates, shape (N,); those that are judged already are skipped.
-            score: of each, shape (N,).
-            wanted: how many sets are to hold, with those that hold already.
+            rows: indices of the candidates, shape (N,); those that are judged already are skipped.
+            score: score of each, shape (N,).
+            wanted: number of sets that are to hold, including those that hold already.
         """
         waiting = self.outcome[rows] == UNJUDGED
         rows, score = rows[waiting], np.round(score[waiting] / EQUAL_QUALITY)
@@ -116,13 +124,16 @@ class Judge:
             _, first = np.unique(set_index[rows], return_index=True)
             fresh = np.sort(first[~np.isin(set_index[rows[first]], held)])
             last = fresh[missing - 1] if missing <= len(fresh) else -1
-            # Whole ties, so that which of them are judged does not depend on their order.
+            # Ties are judged together, so that the result does not depend on their order.
             count = int(np.searchsorted(-score, -score[last], side="right"))
             self.judge(rows[:count])
             rows, score = rows[count:], score[count:]
 
     def estimates(self) -> Array:
-        """Estimates epsilon of all candidates that hold or may hold; 0 for others, shape (M,)."""
+        """Returns estimates of epsilon with the friction that errors leave, shape (M,).
+
+        They are 0 for candidates that do not hold.
+        """
         rows = np.flatnonzero(np.isin(self.outcome, (UNJUDGED, CODE["certified"])))
         object_, estimate = self.work.request.object_, np.zeros(len(self.outcome))
         contacts = self.work.narrowed_contacts_of(rows)
@@ -130,15 +141,15 @@ class Judge:
         return estimate
 
     def set_codes(self) -> Codes:
-        """Returns what became of each set: the best of its candidates' outcomes, shape (S,)."""
+        """Returns the outcome of each set, the best of its candidates': index in REASONS, (S,)."""
         work, code = self.work, self.work.plan.code.copy()
         standing = np.select(
             [self.outcome == CODE["certified"], self.outcome == UNJUDGED], [0, 1], 2
         )
-        # A set that no stage of the paper lets pass keeps its reason unless a grasp of it holds, or
-        # one that may hold has not been judged.
+        # A set that the paper's stages reject keeps their reason, unless a candidate of the search
+        # on it holds or is not judged yet.
         speaks = (standing <= 1) | ~np.isnan(work.candidates.q).any(axis=1)
-        # Written in this order, the best and then the first candidate of a set has the last word.
+        # The last assignment to a set counts: that of its best candidate, of ties the first.
         order = np.lexsort((-np.arange(len(standing)), -standing))
         order = order[speaks[order]]
         code[work.candidates.set_index[order]] = self.outcome[order]

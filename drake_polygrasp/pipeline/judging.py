@@ -1,4 +1,4 @@
-"""Which candidates are proved: the most promising first, and longer where few of them hold."""
+"""Chooses which candidates are proved: the most promising first, and more if few of them hold."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from drake_polygrasp.search.selection import rounded_for_ties
 from drake_polygrasp.settings import Rank
 
 SETS_OF_A_KIND = 10
-"""Sets of each kind that are proved at least to be ranked by margin, ours: Q favours two-face
-sets, though three faces hold best on most objects without parallel faces."""
+"""Least number of sets of each kind that are proved to be ranked by margin. Our choice: Q favours
+sets of two faces, though on most objects without parallel faces three hold best."""
 SPARE = 2
-"""Sets proved beyond those wanted, for estimates do not quite rank as epsilon, ours."""
+"""Number of sets proved beyond those wanted. Our choice: estimates may rank near ties wrongly."""
 
 
 def prove_candidates(request: PlanRequest) -> Judge:
-    """Proposes candidates and proves the best, until the sets of faces wanted have a grasp.
+    """Proposes candidates and proves the best, until enough sets of faces have a grasp.
 
     Args:
-        request: what to plan for.
+        request: the request, whose settings say how many sets are enough.
 
     Returns:
-        The judge, with all candidates and the proofs of those that were found to hold.
+        The judge, with all candidates and the proofs of those that hold.
     """
     rank, top, effort = request.settings.rank, request.settings.top, request.settings.effort
     if effort == "complete":
@@ -43,7 +43,7 @@ def prove_candidates(request: PlanRequest) -> Judge:
     if effort == "quick":
         work, estimate = quick(request, top)
         judge = Judge(work)
-        if request.object_.polyhedron.is_patch.any():  # there, projection turns normals
+        if request.object_.polyhedron.is_patch.any():  # projection changes normals of patches
             estimate = judge.estimates()
         _judge_by_estimate(judge, estimate, top)
         if judge.proofs:
@@ -62,7 +62,16 @@ def prove_candidates(request: PlanRequest) -> Judge:
 
 
 def all_candidates(request: PlanRequest) -> ProjectedCandidates:
-    """Returns all candidates that plans of any effort but quick have, on every set of faces."""
+    """Returns the candidates of effort "complete": the paper's and the search's on every set.
+
+    They include those of effort "full".
+
+    Args:
+        request: the request.
+
+    Raises:
+        UsageError: when there are more than `request.MOST_SETS` sets.
+    """
     if request.settings.method == "paper":
         return constructed(request)
     return completed(request, enriched(request))
@@ -81,10 +90,10 @@ def _judge_by_quality(judge: Judge, rank: Rank, top: int) -> None:
 
 
 def _judge_by_estimate(judge: Judge, estimate: Array, wanted: int) -> None:
-    """Judges the best of each set, by estimates of epsilon, until `wanted` sets hold.
+    """Judges the best candidates of each set, by estimates of epsilon, until `wanted` sets hold.
 
-    The two best of a set come first, for the others are often the same place; others follow only
-    where these fail.
+    The two best of each set come first, because others are often at nearly the same contacts. The
+    others are judged only on sets whose two best fail.
     """
     work, rows = judge.work, judge.open_rows
     score = rounded_for_ties(estimate[rows])
@@ -97,7 +106,7 @@ def _judge_by_estimate(judge: Judge, estimate: Array, wanted: int) -> None:
     if len(held) < wanted:
         judge.judge_best(others, score, wanted)
         return
-    # Of sets whose two best fail, another may be better than the last of those wanted.
+    # On a set whose two best fail, another candidate may be better than the last one wanted.
     best = np.zeros(len(work.plan.sets))
     proved = [*judge.proofs]
     np.maximum.at(best, work.candidates.set_index[proved], estimate[proved])

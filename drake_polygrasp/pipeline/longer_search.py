@@ -1,10 +1,10 @@
-"""Goes on where the first search finds fewer grasps than wanted, or where everything is asked for.
+"""Adds candidates when the first search finds fewer grasps than asked for, or to evaluate all sets.
 
-First come contacts at denser points, then any that hold, on whatever set of faces, then the paper's
-stages on sets that they have not seen, those of the greatest bound of epsilon first. What is tried,
-and in which order, does not depend on how many grasps are wanted, only when it ends: whatever a
-plan finds, one that wants more grasps finds too, and `explain_sets`, which goes to the end, calls
-nothing rejected that any plan certifies.
+First come contacts at denser points, then force-closure triples of few points on any set of faces,
+then the paper's stages on sets not evaluated before, in descending order of their bounds of
+epsilon. The number of grasps asked for decides only when this ends, not what is tried in which
+order. So a plan for more grasps finds all that a plan for fewer does, and `explain_sets`, which
+goes to the end, rejects no set on which a plan has a certified grasp.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ from drake_polygrasp.wrenches.contacts import force_closure
 
 
 def extended(request: PlanRequest, judge: Judge) -> Iterator[ProjectedCandidates]:
-    """Yields the candidates with more of them each time, until `ANY_SETS` sets have been seen.
+    """Yields candidates with more of them each time, until `ANY_SETS` sets are evaluated.
 
-    Candidates and sets keep their places, new ones follow them. The caller has the judge take what
-    is yielded before it asks for more.
+    New candidates and sets follow the old ones, which keep their indices. The caller must call
+    `judge.extend` with each batch before it asks for the next.
 
     Args:
-        request: what to plan for.
-        judge: what became of the candidates so far.
+        request: the request.
+        judge: the judge of the candidates so far.
     """
     if request.steps.search and _may_hold_elsewhere(request, judge):
         yield _with_denser_points(request, judge.work)
@@ -68,14 +68,14 @@ def extended(request: PlanRequest, judge: Judge) -> Iterator[ProjectedCandidates
 
 
 def completed(request: PlanRequest, work: ProjectedCandidates) -> ProjectedCandidates:
-    """Returns the candidates, all that `extended` would add, and all sets however many.
+    """Returns the candidates with all that `extended` would add, on all sets however many.
 
     Args:
-        request: what to plan for.
+        request: the request.
         work: the candidates so far.
 
     Raises:
-        UsageError: when sets are more than `request.MOST_SETS`.
+        UsageError: when there are more than `request.MOST_SETS` sets.
     """
     request.require_countable()
     if request.steps.search and _may_hold_elsewhere(request, Judge(work)):
@@ -85,7 +85,7 @@ def completed(request: PlanRequest, work: ProjectedCandidates) -> ProjectedCandi
 
 
 def _may_hold_elsewhere(request: PlanRequest, judge: Judge) -> bool:
-    """Returns whether some set that is not certified has faces that can oppose each other."""
+    """Returns whether a set without a certified grasp has faces that can oppose each other."""
     code = judge.set_codes()
     closed = np.isin(code, (CODE["certified"], CODE["orientation"]))
     return len(code) < request.num_allowed_sets or not bool(closed.all())
@@ -98,7 +98,7 @@ def _with_denser_points(request: PlanRequest, work: ProjectedCandidates) -> Proj
 
 
 def _with_all_points(request: PlanRequest, work: ProjectedCandidates) -> ProjectedCandidates:
-    """With triples of few points on all sets whose faces may oppose each other."""
+    """Adds triples of few points on all sets whose faces can oppose each other."""
     scale = request.object_.p_BBcm, request.object_.rho
     points = quick_points(request)
     triples = triples_on_each_set(request.regions, points, *scale, PLACES, sets_oppose)
@@ -107,7 +107,7 @@ def _with_all_points(request: PlanRequest, work: ProjectedCandidates) -> Project
 
 
 def _denser_triples(request: PlanRequest) -> Triples:
-    """Triples of denser points, at most `PLACES` on a set, and the best of them improved."""
+    """Returns triples of denser points, at most `PLACES` per set, and the best of them improved."""
     regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
     clear = with_tip_room(
         regions, request.object_.polyhedron, request.tip_radius, request.obstacles
@@ -123,7 +123,7 @@ def _denser_triples(request: PlanRequest) -> Triples:
 
 
 def _best_known(request: PlanRequest, work: ProjectedCandidates) -> Triples:
-    """The candidates of force closure that are the best by estimate, with room for tips or not."""
+    """Returns the force-closure candidates of greatest estimated epsilon, with tip room or not."""
     rows = np.flatnonzero(has_contacts(work.candidates.p_BC))
     rows = rows[force_closure(*work.narrowed_contacts_of(rows))]
     triples = Triples(work.candidates.region[rows], work.candidates.p_BC[rows])
@@ -134,7 +134,7 @@ def _best_known(request: PlanRequest, work: ProjectedCandidates) -> Triples:
 def _with(
     request: PlanRequest, work: ProjectedCandidates, sets: Ints, triples: Triples
 ) -> ProjectedCandidates:
-    """The candidates, what the paper's stages make of sets not among theirs, and triples."""
+    """Adds triples, and the paper's candidates on those sets that are new."""
     old = work.plan
     fresh = request.plan(with_sets(old.sets, sets)[len(old.sets) :])
     shifted = replace(fresh.candidates, set_index=fresh.candidates.set_index + len(old.sets))

@@ -58,7 +58,7 @@ def rank_in_plant(
     check_instance("plan", plan, GraspPlan, "as plan_grasps returns it")
     wanted = len(plan.grasps) if top is None else check_count("top", top)
     tell = check_progress("progress", progress)
-    # Simulation is loaded by those who ask for it.
+    # Simulation is loaded only if it is asked for.
     from drake_polygrasp.plant.certify_in_plant import certify_in_plant
 
     start = perf_counter()
@@ -86,7 +86,7 @@ def rank_in_plant(
 
 
 def _are_enough(records: Sequence[PlantRecord | None], wanted: int) -> bool:
-    """Whether enough grasps hold, or so many are undecided for one reason that others will be."""
+    """Returns whether enough grasps hold, or as many are all undecided for one reason."""
     found = [record for record in records if record is not None]
     if sum(record.holds for record in found) >= wanted:
         return True

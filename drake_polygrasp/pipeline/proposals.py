@@ -1,4 +1,4 @@
-"""Candidate grasps of a request: the paper's, and those beyond it, before any is proved."""
+"""Proposes candidate grasps by the paper's stages and by the search, before any is proved."""
 
 from __future__ import annotations
 
@@ -41,24 +41,42 @@ from drake_polygrasp.search.set_bounds import promising_sets
 from drake_polygrasp.search.triples import NO_TRIPLES, Triples, best_triples
 
 MANY_REGIONS = 24
-"""Ours: of more, only the sets that the search finds go through the paper's stages."""
+"""Number of regions above which the paper's stages evaluate only sets that the search chooses. Our
+choice."""
 CHOSEN_SETS = 100
-"""How many sets the search then chooses, ours."""
+"""Greatest number of sets that the search then chooses. Our choice."""
 PROMISING_SETS = 4000
-"""Where the search finds grasps on fewer sets, ours: as many others, at most, whose bounds of
-epsilon are above the best grasp's go through the paper's stages too, a tenth of a second. Contacts
-must then be placed more exactly than sample points are: friction is low, or faces slender."""
+"""Greatest number of sets that are added if the search finds triples on fewer than `CHOSEN_SETS`:
+those whose bound of epsilon is above the best estimate. Our choice: they take a tenth of a second.
+This happens if friction is low or faces are slender, so that sample points are too coarse."""
 RESERVE = 3
-"""Times one more than the grasps wanted, ours: triples that stay as they were found."""
+"""Number of triples that stay as they were found, over one more than the grasps wanted. Our
+choice."""
 
 
 def constructed(request: PlanRequest) -> ProjectedCandidates:
-    """The paper's stages on every set."""
+    """Returns the candidates of the paper's stages on every set, projected onto the surface.
+
+    Args:
+        request: the request.
+
+    Raises:
+        UsageError: when there are more than `request.MOST_SETS` sets.
+    """
     return project_candidates(request, request.plan(), None)
 
 
 def enriched(request: PlanRequest) -> ProjectedCandidates:
-    """The paper's constructions, triples of sample points, and the best of both improved."""
+    """Returns the paper's candidates, triples of sample points, and the best of both improved.
+
+    On more than `MANY_REGIONS` regions, the search chooses the sets.
+
+    Args:
+        request: the request, whose `steps` say which of these are taken.
+
+    Raises:
+        UsageError: when every set is to be evaluated, and there are more than `request.MOST_SETS`.
+    """
     regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
     steps = request.steps
     if not (steps.search or steps.improve):
@@ -81,14 +99,14 @@ def enriched(request: PlanRequest) -> ProjectedCandidates:
 
 
 def _chosen(found: Triples) -> tuple[Triples, Ints]:
-    """The triples on the first sets found, and these sets."""
+    """Returns the triples on the first `CHOSEN_SETS` sets found, and these sets."""
     first = first_of_each_set(found.region)[:CHOSEN_SETS]
     number = set_numbers(found.region)
     return found.take(np.isin(number, number[first])), sets_of(found.region[first])
 
 
 def _promising(request: PlanRequest, found: Triples) -> Ints:
-    """Sets that may have a better grasp than those found, best bound first."""
+    """Returns sets that may have a better grasp than those found, greatest bound first."""
     regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
     estimate = estimates(regions, found, *scale)
     best = found.take(best_first(estimate)[: FULL.sources])
@@ -103,16 +121,21 @@ def _promising(request: PlanRequest, found: Triples) -> Ints:
 
 
 def quick(request: PlanRequest, wanted: int) -> tuple[ProjectedCandidates, Array]:
-    """Triples of sample points, and the best of them a little improved; and estimates of epsilon.
+    """Proposes triples of few sample points, with the best improved in a few rounds.
 
-    These are of contacts on the planes of faces, before they are moved to the true surface.
+    The unimproved triples are kept too, in case an improved one leaves no room for a fingertip.
 
-    Where improvement then leads into a corner, or so far that a grasp does not hold, the
-    triples themselves remain.
+    Args:
+        request: the request.
+        wanted: number of grasps that are asked for.
+
+    Returns:
+        The candidates, and estimates of their epsilon, shape (M,), for contacts on the planes of
+        faces, before their projection onto the true surface.
     """
     regions, scale = request.regions, (request.object_.p_BBcm, request.object_.rho)
     points = quick_points(request)
-    # Few triples are of few sets.
+    # More grasps need triples on more sets.
     times = 1 + wanted // 2
     rounds = tuple(times * num for num in QUICK.rounds)
     effort = replace(QUICK, kept=times * QUICK.kept, rounds=rounds)
@@ -128,13 +151,20 @@ def quick(request: PlanRequest, wanted: int) -> tuple[ProjectedCandidates, Array
 
 
 def quick_points(request: PlanRequest) -> tuple[Ints, Array]:
-    """A few sample points, their regions (N,) and their coordinates in these (N, 2) [m].
+    """Samples few points at which fingertips have room.
 
-    Those on flat faces without room for tips are left out, which costs less than cutting regions.
+    Points on flat faces are tested one by one, which takes less time than cutting regions.
+
+    Args:
+        request: the request.
+
+    Returns:
+        Indices of the points' regions, shape (N,), and their coordinates in the frames F of these
+        regions [m], shape (N, 2).
     """
     regions = request.regions
     region, p_FC = sample_points(regions, num_points(len(regions.face), QUICK))
-    # The surface of a patch is not where its plane is.
+    # Points of a patch are on its plane, not on the surface, so room cannot be tested here.
     flat = np.flatnonzero(~request.object_.polyhedron.is_patch[regions.face[region]])
     contacts = points_on(regions, region[flat], p_FC[flat]), regions.nhat_TB_B[region[flat]]
     has_room = np.ones(len(region), dtype=bool)
@@ -143,7 +173,7 @@ def quick_points(request: PlanRequest) -> tuple[Ints, Array]:
 
 
 def _known(regions: Regions, plan: SetPlan) -> Triples:
-    """The constructions that are usable, best Q first."""
+    """Returns the paper's contacts that are usable for search, greatest Q first."""
     rows = plan.candidates
     rows = rows.take(has_contacts(rows.p_BC))
     known = Triples(rows.region, rows.p_BC).take(best_first(rows.Q))
