@@ -100,6 +100,10 @@ def plan_grasps(
 
     Lengths below in L are fractions of the object's diameter.
 
+    If any error is above 0, each grasp's `region` proves that it bears all of them at once, or is
+    None. Ranking by epsilon, the least epsilon under errors counts then, and grasps without that
+    proof come last.
+
     Args:
         object_: object to grasp, with the friction of its faces.
         method: "paper" constructs one grasp for each set of faces as the text says; "enriched"

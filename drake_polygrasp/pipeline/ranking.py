@@ -84,7 +84,7 @@ def _bearing_errors(
 
 
 def _least_epsilon(grasp: CertifiedGrasp) -> tuple[bool, float]:
-    """Sorts grasps that bear errors after others, each by a lower bound of epsilon."""
+    """Returns whether a grasp bears errors, and the lower bound of epsilon that then counts."""
     if grasp.region is None:
         return False, grasp.certificate.epsilon_lower
     return True, grasp.region.epsilon_lower or 0.0

@@ -34,7 +34,11 @@ class Errors:
     com: float
 
     def scaled(self, share: float) -> Errors:
-        """Returns a share of all errors."""
+        """Returns the errors, each times a share.
+
+        Args:
+            share: factor, 0 or above.
+        """
         return Errors(
             frozen(self.placement * share),
             self.tilt * share,

@@ -24,8 +24,8 @@ from drake_polygrasp.pipeline.region_certificates import Errors
 from drake_polygrasp.settings import PlanOptions, PlanSettings, Steps
 
 MOST_SETS = 20_000_000
-"""Sets that are followed one by one at most, ours: some minutes and 2 GB; 490 regions have as
-many."""
+"""Our choice: sets that are followed one by one at most, in some minutes and 2 GB; 490 regions have
+as many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +100,30 @@ class PlanRequest:
         return None if mu is None else friction_that_leaves(mu, *errors)
 
     def counts(self, code: Codes) -> dict[str, int]:
-        """How many sets ended with each reason, by the codes of those that were evaluated."""
+        """Counts the sets by the reasons with which they ended.
+
+        Args:
+            code: positions in REASONS of the sets that were evaluated, shape (M,).
+
+        Returns:
+            The number of sets of each reason that occurs; the rest are "not_evaluated" or
+            "excluded".
+        """
         counts = np.bincount(code, minlength=len(REASONS))
         counts[UNJUDGED] += self.num_allowed_sets - len(code)
         counts[CODE["excluded"]] += self.num_sets - self.num_allowed_sets
         return {reason: int(n) for reason, n in zip(REASONS, counts, strict=True) if n}
 
     def with_excluded(self, sets: Ints, code: Codes) -> tuple[Ints, Codes]:
-        """Sets among `regions`, (M, 3), and their codes: the same for those of every region."""
+        """Adds the sets that have an excluded region to all others.
+
+        Args:
+            sets: all sets among `regions`, shape (M, 3), -1 for a pair's third.
+            code: their positions in REASONS, shape (M,).
+
+        Returns:
+            The sets among all regions that erosion leaves, and their positions in REASONS.
+        """
         if len(self.kept) == len(self.every_face):
             return sets, code
         every = all_sets(len(self.every_face))
@@ -121,7 +137,11 @@ class PlanRequest:
         return all_sets(len(self.regions.face))
 
     def require_countable(self) -> None:
-        """Raises UsageError when all sets are more than `MOST_SETS`."""
+        """Refuses objects whose sets are too many to follow one by one.
+
+        Raises:
+            UsageError: when they are more than `MOST_SETS`.
+        """
         if self.num_allowed_sets > MOST_SETS:
             raise UsageError(
                 f"{self.num_allowed_sets:,} sets of faces are too many to follow one by one, which "
@@ -130,9 +150,16 @@ class PlanRequest:
             )
 
     def plan(self, chosen: Ints | None = None) -> SetPlan:
-        """The paper's stages on all sets or on chosen ones.
+        """Runs the paper's stages on all sets or on chosen ones.
 
-        Raises UsageError when all are more than `MOST_SETS`.
+        Args:
+            chosen: sets among `regions`, shape (M, 3), -1 for a pair's third; None for all.
+
+        Returns:
+            The sets with their reasons and constructed contacts.
+
+        Raises:
+            UsageError: when all are asked for and are more than `MOST_SETS`.
         """
         if chosen is None:
             self.require_countable()
@@ -154,6 +181,9 @@ def make_request(object_: GraspObject, options: PlanOptions) -> PlanRequest:
     Args:
         object_: what to grasp.
         options: what is asked.
+
+    Returns:
+        The request, with the regions of faces that contacts may use.
 
     Raises:
         UsageError: when an option is not what it may be for this object.
