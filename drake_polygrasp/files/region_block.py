@@ -11,6 +11,8 @@ from drake_polygrasp.files.plain_yaml import Block
 from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 from drake_polygrasp.grasp import RegionCertificate
 
+_MOST_CORNERS, _MOST_PIECES = 100, 200
+"""Our choice: several times what plans state; with many more, checking would take minutes."""
 _BOUNDS = ("epsilon_lower", "epsilon_upper", "squeeze_force")
 
 
@@ -102,6 +104,9 @@ def _read_pieces(block: Block, nhat_TB_B: Array) -> tuple[tuple[SurfacePiece, ..
             (SurfacePiece(_read_corners(each, name), n),)
             for name, n in zip(each.data, nhat_TB_B, strict=True)
         )
+    for name, pieces in each.data.items():
+        if isinstance(pieces, list) and len(pieces) > _MOST_PIECES:
+            raise each.refuse(name, f"a list of at most {_MOST_PIECES} pieces")
     return tuple(tuple(_read_piece(piece) for piece in each.blocks(name)) for name in each.data)
 
 
@@ -111,7 +116,7 @@ def _read_piece(block: Block) -> SurfacePiece:
 
 
 def _read_corners(block: Block, key: str) -> Array:
-    """Reads at least one corner, shape (n, 3)."""
-    if not block.items(key):
-        raise block.refuse(key, "a list of corners, at least one")
+    """Reads the corners of a piece, shape (n, 3)."""
+    if not 1 <= len(block.items(key)) <= _MOST_CORNERS:
+        raise block.refuse(key, f"a list of 1 to {_MOST_CORNERS} corners")
     return block.vectors(key)

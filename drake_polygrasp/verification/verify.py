@@ -148,7 +148,7 @@ def _verify_grasp(
     numbers = (
         CheckResult(Status.NOT_CHECKED, "the grasp is not proved")
         if forces.status is Status.FAILED
-        else _check_numbers(stated, object_, clearance)
+        else _check_numbers(stated, object_, clearance, surface.status is not Status.FAILED)
     )
     return GraspVerification(forces, surface, numbers, stated_plant=stated.plant)
 
@@ -300,11 +300,12 @@ def _surface_violations(
 
 
 def _check_numbers(
-    stated: StatedGrasp, object_: StatedObject, clearance: float | None
+    stated: StatedGrasp, object_: StatedObject, clearance: float | None, with_region: bool
 ) -> CheckResult:
-    violations = chain(
-        number_violations(stated, object_, clearance), region_number_violations(stated, object_)
-    )
+    """Recomputes the numbers; the bounds under errors only of regions that may be the surface's."""
+    violations: Iterator[str] = iter(number_violations(stated, object_, clearance))
+    if with_region:
+        violations = chain(violations, region_number_violations(stated, object_))
     line = _line(Status.RECOMPUTED, violations)
     if line.status is Status.RECOMPUTED and clearance is None:
         return CheckResult(line.status, "placement_tolerance is not held against the faces' edges")
