@@ -48,13 +48,22 @@ def test_a_region_has_the_numbers_of_the_file(file: Path) -> None:
         (lambda r: r.pop("p_BV"), "region.p_BV and pieces are missing"),
         (lambda r: r["p_BV"].pop(), "region.p_BV is .*, not a list for each of the three contacts"),
         (lambda r: r["p_BV"][2].append([1.0, 2.0]), r"region.p_BV\[2\]\[4\] is"),
-        (lambda r: r["p_BV"].__setitem__(1, []), r"region.p_BV\[1\] is \[\], not a list of 1 to 100"),
+        (
+            lambda r: r["p_BV"].__setitem__(1, []),
+            r"region.p_BV\[1\] is \[\], not a list of 1 to 100",
+        ),
         (
             lambda r: r.update(pieces=[[{"p_BV": [], "nhat_TB_B": [1.0, 0.0, 0.0]}], [], []]),
             r"region.pieces\[0\]\[0\].p_BV is \[\], not a list of 1 to 100",
         ),
-        (lambda r: r["p_BV"][0].extend([[1.0, 2.0, 3.0]] * 97), "not a list of 1 to 100 corners"),
-        (lambda r: r.update(pieces=[[], [{}] * 201, []]), r"pieces\[1\] .* at most 200 pieces"),
+        (
+            lambda r: r["p_BV"][0].extend([1.0, 2.0, 3.0] for _ in range(97)),
+            "not a list of 1 to 100 corners",
+        ),
+        (
+            lambda r: r.update(pieces=[[], [{} for _ in range(201)], []]),
+            r"pieces\[1\] .* at most 200 pieces",
+        ),
         (lambda r: r.update(placement_error=[0.1, -0.1, 0.1]), "not a list of three lengths"),
         (lambda r: r.update(tilt_error=1.6), "below pi / 2"),
         (lambda r: r.update(friction_error=1.0), "below 1"),
