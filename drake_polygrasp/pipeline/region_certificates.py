@@ -58,12 +58,12 @@ def certify_region(
 ) -> RegionCertificate | None:
     """Proves that a grasp stays force closure under errors of several kinds, all at once.
 
-    The errors are of place, tilt, friction and centre of mass. `Certificate` has tolerances of one
-    kind of error at a time.
-
         best = plan_grasps(box, edge_clearance=0.005).grasps[0]
         region = certify_region(box, best, placement_error=0.005, tilt_error=0.05)
         print(region.epsilon_lower if region else "not proved")
+
+    The errors are of place, tilt, friction and centre of mass. `Certificate` has tolerances of one
+    kind of error at a time.
 
     Args:
         object_: object that is grasped.
