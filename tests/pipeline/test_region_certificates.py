@@ -145,7 +145,8 @@ def test_a_grasp_of_another_object_is_refused(box: GraspObject) -> None:
 
 
 def test_the_example_in_help_certifies_a_grasp(capsys: pytest.CaptureFixture[str]) -> None:
-    shown = str(inspect.getdoc(certify_region)).partition("Args:")[0].partition("\n")[2]
+    text = str(inspect.getdoc(certify_region)).partition("Args:")[0].splitlines()
+    shown = "\n".join(line for line in text if line.startswith("    "))
     brick = load_object(MODELS / "brick" / "brick.urdf")
     exec(
         textwrap.dedent(shown),
