@@ -4,6 +4,7 @@
 |---|---|
 | exact.py | checks proofs of force closure in exact arithmetic, with the standard library alone |
 | convex.py | finds the internal forces and escaping twists that `exact` checks |
+| region_pieces.py | the pieces of regions, and their exact check |
 | contact_regions.py | finds one internal force for regions of contacts, and the largest discs |
 | region_epsilon.py | bounds epsilon and the squeeze force for all placements in regions |
 | swept_facets.py | finds a good twist for each facet, and better facets |

@@ -11,13 +11,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.convex import find_internal_forces
-from drake_polygrasp.certification.exact import MAX_TILT, check_region, narrowed_friction
+from drake_polygrasp.certification.exact import MAX_TILT, narrowed_friction
+from drake_polygrasp.certification.region_pieces import RegionPiece, check_pieces
 from drake_polygrasp.digits import EXACT, at_most, on_grid, significant
 from drake_polygrasp.vectors import circle, cross, dot, times, unit
 from drake_polygrasp.wrenches.contacts import contact_frames
@@ -50,22 +50,6 @@ _FACTORS = np.array(
     ]
 )
 """f_i is the sum over k of (_FACTORS[i, k] . x) p_BC[k]."""
-
-
-class RegionPiece(Protocol):
-    """A part of the surface around a contact, as `exact.check_region` takes it."""
-
-    @property
-    def p_BV(self) -> Array:
-        """Corners of a convex polygon or polytope that contains the part [m], shape (n, 3)."""
-
-    @property
-    def nhat_TB_B(self) -> Array:
-        """Inward unit normal, shape (3,)."""
-
-    @property
-    def tan_spread(self) -> float:
-        """Tangent of the greatest angle between that normal and the surface's in the part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +114,7 @@ def certify_regions(
     errors = tilt_error, friction_error
     search = _search(p_BC, nhat_TB_B, mu, regions, *errors)
     found = None if search is None else search.maximum(as_scale=False)
-    if found is None or not _is_proved(regions, mu, found[0], *errors):
+    if found is None or not check_pieces(regions, mu, found[0], *errors).ok:
         return None
     kept = tuple(tuple(region) for region in regions)
     return CertifiedRegions(found[0], kept, frozen(placement_error), *errors)
@@ -170,7 +154,7 @@ def largest_certified_radius(
     for part in _SHRINK:
         reached = np.array([at_most(min(part * scale, 1.0) * r) for r in radii.tolist()])
         discs = _discs(p_BC, nhat_TB_B, reached, size)
-        if _is_proved(discs, mu, x, *errors):
+        if check_pieces(discs, mu, x, *errors).ok:
             return CertifiedRegions(x, discs, frozen(reached), *errors)
     return None
 
@@ -186,13 +170,6 @@ def _discs(
         (DiscPolygon(frozen(on_grid(p + w * times(ring, frame[1:]), size, EXACT)), frozen(n)),)
         for p, n, w, frame in zip(p_BC, nhat_TB_B, widths, frames, strict=True)
     )
-
-
-def _is_proved(
-    regions: Sequence[Sequence[RegionPiece]], mu: Array, x: Array, tilt: float, friction: float
-) -> bool:
-    pieces = [[(s.p_BV.tolist(), s.nhat_TB_B.tolist(), s.tan_spread) for s in r] for r in regions]
-    return check_region(pieces, mu.tolist(), x.tolist(), tilt, friction).ok
 
 
 @dataclass(frozen=True, eq=False)

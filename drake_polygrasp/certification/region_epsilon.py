@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, frozen
-from drake_polygrasp.certification.contact_regions import RegionPiece
 from drake_polygrasp.certification.exact import MAX_TILT, narrowed_friction
+from drake_polygrasp.certification.region_pieces import RegionPiece
 from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.certification.simplex_cycle import (
     encloses,

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.certification.contact_regions import RegionPiece
 from drake_polygrasp.certification.region_epsilon import FacetProof, RegionProof
+from drake_polygrasp.certification.region_pieces import RegionPiece
 
 
 def stated_proof(

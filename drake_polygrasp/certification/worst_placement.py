@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.certification.contact_regions import RegionPiece
+from drake_polygrasp.certification.region_pieces import RegionPiece
 from drake_polygrasp.certification.swept_facets import LoadNorm
 from drake_polygrasp.vectors import cross, unit
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions

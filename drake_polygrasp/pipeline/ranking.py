@@ -72,12 +72,13 @@ def _bearing_errors(
     for entry in _first_of_each_set(work, ranked)[:wanted]:
         set_index = work.candidates.set_index
         same = [other.row for other in ranked if set_index[other.row] == set_index[entry.row]]
-        certified = _certified(judge, same[:_TRIED_OF_A_SET], [None] * len(same[:_TRIED_OF_A_SET]))
-        bearing = (
-            replace(grasp, region=certify_errors(work.request.object_, grasp.grasp, errors))
-            for grasp in certified
+        regions = (
+            (row, certify_errors(work.request.object_, _grasp(work, row), errors))
+            for row in same[:_TRIED_OF_A_SET]
         )
-        grasps.append(next((grasp for grasp in bearing if grasp.region), certified[0]))
+        row, region = next((found for found in regions if found[1]), (entry.row, None))
+        (certified,) = _certified(judge, [row], [None])
+        grasps.append(replace(certified, region=region))
     if rank == "epsilon":
         grasps.sort(key=_least_epsilon, reverse=True)
     return tuple(grasps[:top])
@@ -161,12 +162,10 @@ def _certified(
     )
 
 
-def _certified_grasp(
-    work: ProjectedCandidates, row: int, proof: Proof, epsilon: Interval | None, clearance: float
-) -> CertifiedGrasp:
-    rows, object_ = work.candidates, work.request.object_
+def _grasp(work: ProjectedCandidates, row: int) -> Grasp:
+    rows = work.candidates
     a, b, c = work.face[row].tolist()
-    grasp = Grasp(
+    return Grasp(
         frozen(rows.p_BC[row]),
         frozen(work.nhat_TB_B[row]),
         frozen(work.mu[row]),
@@ -174,12 +173,18 @@ def _certified_grasp(
         (a, b, c),
         GraspPlane(
             frozen(to_decimals(rows.nhat_B[row])),
-            frozen(on_grid(rows.p_BP[row], object_.polyhedron.diameter)),
+            frozen(on_grid(rows.p_BP[row], work.request.object_.polyhedron.diameter)),
         ),
         _quality(work, row),
     )
+
+
+def _certified_grasp(
+    work: ProjectedCandidates, row: int, proof: Proof, epsilon: Interval | None, clearance: float
+) -> CertifiedGrasp:
+    object_ = work.request.object_
     certified = certify(
-        grasp,
+        _grasp(work, row),
         mass=object_.mass,
         p_BBcm=object_.p_BBcm,
         rho=object_.rho,

@@ -14,6 +14,7 @@ from drake_polygrasp.certification.region_epsilon import (
     RegionEpsilon,
     region_epsilon,
 )
+from drake_polygrasp.certification.region_pieces import check_pieces
 from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
 from drake_polygrasp.geometry.placement_regions import placement_region
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -46,7 +47,7 @@ def region_violations(stated: StatedGrasp) -> Iterator[str]:
     region, grasp = stated.region, stated.grasp
     if region is None:
         return
-    check = check_region_claim(region, region.pieces, grasp.mu)
+    check = _check_claim(region, region.pieces, grasp.mu)
     if not check.ok:
         yield f"the region is not proved: {check.reason}"
     for i, pieces in enumerate(region.pieces):
@@ -57,20 +58,10 @@ def region_violations(stated: StatedGrasp) -> Iterator[str]:
                 yield f"the region of contact {i + 1} does not hold its disc: {check.reason}"
 
 
-def check_region_claim(region: RegionCertificate, pieces: _Pieces, mu: Array) -> exact.Check:
-    """Checks exactly that a region's internal force proves force closure on given pieces.
-
-    Args:
-        region: its internal force and errors.
-        pieces: of each contact.
-        mu: friction coefficients, shape (3,).
-
-    Returns:
-        ok where every placement, tilt and friction within the errors is proved.
-    """
-    corners = [[(s.p_BV.tolist(), s.nhat_TB_B.tolist(), s.tan_spread) for s in c] for c in pieces]
+def _check_claim(region: RegionCertificate, pieces: _Pieces, mu: Array) -> exact.Check:
+    """Checks exactly that a region's internal force proves force closure on given pieces."""
     errors = region.tilt_error, region.friction_error
-    return exact.check_region(corners, mu.tolist(), region.internal_force.tolist(), *errors)
+    return check_pieces(pieces, mu, region.internal_force, *errors)
 
 
 def region_number_violations(stated: StatedGrasp, object_: StatedObject) -> list[str]:
@@ -153,7 +144,7 @@ def region_surface_violations(
                 return
     # On the boundary of closure the tolerances above would let pass what does not hold.
     mu = np.minimum(stated.grasp.mu, polyhedron.mu[touched.face])
-    check = check_region_claim(region, tuple(found), mu)
+    check = _check_claim(region, tuple(found), mu)
     if not check.ok:
         yield f"with the surface's own pieces, {check.reason}"
 
@@ -174,7 +165,7 @@ def _holds(held: SurfacePiece, piece: SurfacePiece, diameter: float) -> bool:
     if high[2] - low[2] <= 4 * tolerance:
         polygon = shapely.convex_hull(shapely.MultiPoint(p_FH[:, :2]))
         return bool(shapely.distance(polygon, shapely.points(p_FV[:, :2])).max() <= tolerance)
-    # _Pieces that were made here too have the same corners; only others need a program each.
+    # Pieces that were found here too have the same corners; only others need a program each.
     apart = np.array([np.abs(p_FH - p).max(axis=1).min() > tolerance for p in p_FV])
     hull = VPolytope(p_FH.T)
     return all(hull.PointInSet(p, tolerance) for p in p_FV[apart])
