@@ -313,15 +313,37 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         drake_polygrasp.nothing  # noqa: B018
 
 
+VERIFY = """
+import sys
+from drake_polygrasp.cli.child_process import ChildLimits, call_in_child
+from drake_polygrasp.cli.main import make_parser
+from drake_polygrasp.cli.verify import run_verify
+
+def loaded():
+    run_verify(make_parser().parse_args(["verify", sys.argv[1]]))
+    return [*sys.modules]
+
+modules, _ = call_in_child("__main__:loaded", limits=ChildLimits("verifying"))
+print(*modules, *sys.modules)
+"""
+"""Prints what the command's child and its parent have imported."""
+
+
 def test_verify_loads_no_planner(tmp_path: Path) -> None:
     from tests.support.grasp_files import EXAMPLE
 
     file = tmp_path / "box.grasp.yaml"
     file.write_text(EXAMPLE)
-    # What the command's child process imports while it works is seen in this process only.
-    code = f"from drake_polygrasp.verification.verify import verify_file as v; v({str(file)!r})"
-    for arguments in (("-m", "drake_polygrasp", "verify", str(file)), ("-c", code)):
-        loaded, result = loaded_by(*arguments)
-        rooms = {room_of(name.removeprefix("drake_polygrasp.")) for name in loaded}
-        assert "verification" in rooms, result.stderr[-1000:]
-        assert not rooms & {"paper", "search", "pipeline"}
+    _, result = loaded_by("-c", VERIFY, str(file))
+    rooms = {room_of(name.removeprefix("drake_polygrasp.")) for name in result.stdout.split()}
+    assert "verification" in rooms, result.stderr[-1000:]
+    assert not rooms & {"paper", "search", "pipeline"}
+
+
+def test_a_command_forks_before_it_imports_anything_slow(tmp_path: Path) -> None:
+    command = ("plan", "models/cube/cube.sdf", "-o", str(tmp_path / "cube.grasp.yaml"))
+    loaded, result = loaded_by("-m", "drake_polygrasp", *command)
+    assert result.returncode == 0, result.stderr[-1000:]
+    # Importing in the child is not told; what the parent imports would be imported twice.
+    assert "drake_polygrasp.cli.plan" in loaded, result.stderr[-1000:]
+    assert not {name.partition(".")[0] for name in loaded} & {"numpy", "pydrake", "shapely", "yaml"}

@@ -18,6 +18,7 @@
 | reporting.py | exit codes, lines on standard error, JSON text |
 | calls.py | loads the model and sets limits for the library's calls |
 | child_process.py | calls a function in a child process of bounded time and memory |
+| child_messages.py | the pipe by which a command in a child process tells its parent |
 | progress_line.py | shows progress on a terminal |
 """
 

@@ -2,22 +2,34 @@
 
 Drake's parsers are C++: a malformed file can abort the process that reads it, and a hostile one can
 make it run or allocate without end. In a child process, either becomes an error message.
+
+A command is one such call, forked before anything slow is imported. What it calls in turn is a
+stage of the same child, with its own time limit, so that libraries are imported once.
 """
 
 from __future__ import annotations
 
+import gc
 import os
 import resource
 import signal
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from time import perf_counter
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
+from drake_polygrasp.cli.child_messages import (
+    StderrLine,
+    connect_to_parent,
+    is_child,
+    send_to_parent,
+)
 from drake_polygrasp.cli.progress_line import REFRESH_SECONDS, ProgressLine
+from drake_polygrasp.cli.reporting import print_line
 from drake_polygrasp.errors import ModelError
 
 if TYPE_CHECKING:
@@ -53,13 +65,31 @@ class ChildLimits:
     quiet: bool = False
 
 
+class _ProgressReport(NamedTuple):
+    """How many units are done, and how many there are."""
+
+    done: int
+    total: int
+
+
+class _CallResult(NamedTuple):
+    """What the function returned, the time that it took [s], and what it raised instead."""
+
+    value: Any
+    seconds: float
+    error: BaseException | None
+
+
 def call_in_child(
     function: str, /, *args: Any, limits: ChildLimits | None = None, **kwargs: Any
 ) -> tuple[Any, float]:
     """Calls a function in a child process and returns its result.
 
-    The module is imported in the child only. What the child prints is discarded, but its last line
-    on standard error is quoted if it crashes. Progress is shown on standard error where that is a
+    In a process that is such a child, the function is called here and its limits replace those of
+    the stage before.
+
+    Modules are imported in the child only. What the child prints is discarded, but its last line on
+    standard error is quoted if it crashes. Progress is shown on standard error where that is a
     terminal.
 
     Args:
@@ -78,6 +108,9 @@ def call_in_child(
         Exception: whatever the function raises.
     """
     limits = limits or ChildLimits(f"reading {args[0]}", READ_SECONDS)
+    if is_child():
+        send_to_parent(limits)
+        return _call(function, args, kwargs, bool(limits.unit))
     # Forked, the child starts at once: a spawned one would import everything again.
     context = get_context("fork")
     receiver, sender = context.Pipe(duplex=False)
@@ -86,17 +119,20 @@ def call_in_child(
         child = context.Process(target=_run, args=call, daemon=True)
         child.start()
         sender.close()
+        conversation = _Conversation(receiver, limits)
         try:
-            value, seconds, error = _wait_for_result(receiver, limits)
+            value, seconds, error = conversation.wait_for_result()
         except EOFError:
             child.join()
-            raise _model_error(limits, _crash_message(child.exitcode, stderr)) from None
+            fault = _crash_message(child.exitcode, stderr)
+            raise _model_error(conversation.limits, fault) from None
         finally:
             child.kill()
             child.join()
             receiver.close()
     if isinstance(error, MemoryError):
-        raise _model_error(limits, f"runs out of memory ({_MAX_GIGABYTES} GB at most)")
+        fault = f"runs out of memory ({_MAX_GIGABYTES} GB at most)"
+        raise _model_error(conversation.limits, fault)
     if error is not None:
         raise error
     return value, seconds
@@ -106,25 +142,47 @@ def _model_error(limits: ChildLimits, fault: str) -> ModelError:
     return ModelError(f"{limits.name}: {fault}; repair or simplify the file")
 
 
-def _wait_for_result(receiver: Connection, limits: ChildLimits) -> Any:
-    """Shows the child's progress until its result arrives, and returns that.
+class _Conversation:
+    """What a parent hears from its child; `limits` are those of the child's present stage."""
 
-    Raises ModelError after the time limit, EOFError when the child ends without a result.
-    """
-    with ProgressLine(limits.name, limits.unit, quiet=limits.quiet) as line:
-        last_report = 0.0
-        while True:
-            left = last_report + limits.seconds - line.elapsed
-            if not receiver.poll(max(0.0, min(REFRESH_SECONDS, left))):
-                line.refresh()
-                if left <= REFRESH_SECONDS:
-                    raise _model_error(limits, f"stopped after {limits.seconds:g} s")
-                continue
-            message = receiver.recv()
-            if len(message) == 3:  # A result; progress has two numbers.
-                return message
-            line.update(*message)
-            last_report = line.elapsed
+    def __init__(self, receiver: Connection, limits: ChildLimits) -> None:
+        self._receiver, self._quiet = receiver, limits.quiet
+        self.limits = limits
+
+    def wait_for_result(self) -> _CallResult:
+        """Shows the child's progress and lines until its result arrives, and returns that.
+
+        Raises ModelError after a time limit, EOFError when the child ends without a result.
+        """
+        while (result := self._wait_for_stage()) is None:
+            pass
+        return result
+
+    def _wait_for_stage(self) -> _CallResult | None:
+        """Returns the result, or None when a new stage begins."""
+        limits = self.limits
+        with ProgressLine(limits.name, limits.unit, quiet=limits.quiet) as line:
+            last_report = 0.0
+            while True:
+                left = last_report + limits.seconds - line.elapsed
+                if not self._receiver.poll(max(0.0, min(REFRESH_SECONDS, left))):
+                    line.refresh()
+                    if left <= REFRESH_SECONDS:
+                        raise _model_error(limits, f"stopped after {limits.seconds:g} s")
+                    continue
+                match self._receiver.recv():
+                    case _ProgressReport() as report:
+                        line.update(*report)
+                        last_report = line.elapsed
+                    case StderrLine(text):
+                        line.erase()
+                        print_line(text)
+                    case ChildLimits() as stage:
+                        # The child cannot tell whether our standard output is a terminal.
+                        self.limits = replace(stage, quiet=self._quiet)
+                        return None
+                    case _CallResult() as result:
+                        return result
 
 
 def _run(
@@ -136,28 +194,49 @@ def _run(
     reports_progress: bool,
 ) -> None:
     """Runs in the child: calls the function and sends its value, its time [s] and its error."""
-    module, _, name = function.partition(":")
     value, seconds, error = None, 0.0, None
     try:
         _limit_resources()
-        callee = getattr(import_module(module), name)
         # Where the parent has no standard streams, the pipe itself may be descriptor 1 or 2.
         for stream in {1, 2} - {sender.fileno()}:
             os.dup2(stderr.fileno(), stream)
-        if reports_progress:
-            kwargs["progress"] = _progress_sender(sender)
-        start = perf_counter()
-        value = callee(*args, **kwargs)
-        seconds = perf_counter() - start
+        connect_to_parent(sender)
+        value, seconds = _call(function, args, kwargs, reports_progress)
     except BaseException as raised:
         error = raised
     try:
-        sender.send((value, seconds, error))
+        sender.send(_CallResult(value, seconds, error))
     except Exception as unsent:
-        sender.send((None, 0.0, RuntimeError(str(error or unsent))))
+        sender.send(_CallResult(None, 0.0, RuntimeError(str(error or unsent))))
 
 
-def _progress_sender(sender: Connection) -> Progress:
+def _call(function: str, args: Any, kwargs: Any, reports_progress: bool) -> tuple[Any, float]:
+    """Imports a function and calls it; returns its value and the time of the call [s]."""
+    callee = _import_function(function)
+    if reports_progress:
+        kwargs = kwargs | {"progress": _progress_sender()}
+    start = perf_counter()
+    value = callee(*args, **kwargs)
+    return value, perf_counter() - start
+
+
+def _import_function(function: str) -> Callable[..., Any]:
+    """Imports a function, "package.module:name".
+
+    Modules live as long as the process, and looking for garbage among what they define takes a
+    tenth of the time that a small model does.
+    """
+    module, _, name = function.partition(":")
+    gc.disable()
+    try:
+        callee: Callable[..., Any] = getattr(import_module(module), name)
+        gc.freeze()
+    finally:
+        gc.enable()
+    return callee
+
+
+def _progress_sender() -> Progress:
     """Returns a progress callback that sends its numbers to the parent, at a bounded rate."""
     last_sent = -_REPORT_SECONDS
 
@@ -166,7 +245,7 @@ def _progress_sender(sender: Connection) -> Progress:
         now = perf_counter()
         if now - last_sent >= _REPORT_SECONDS:
             last_sent = now
-            sender.send((done, total))
+            send_to_parent(_ProgressReport(done, total))
 
     return progress
 

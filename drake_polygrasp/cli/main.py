@@ -10,6 +10,8 @@ import io
 import sys
 from collections.abc import Callable, Sequence
 
+from drake_polygrasp.cli.calls import child_limits
+from drake_polygrasp.cli.child_process import READ_SECONDS, call_in_child
 from drake_polygrasp.cli.explain import add_explain, run_explain
 from drake_polygrasp.cli.export import add_export, run_export
 from drake_polygrasp.cli.plan import add_plan, run_plan
@@ -37,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             # File names may hold characters that the terminal's encoding lacks.
             sys.stdout.reconfigure(errors="backslashreplace")
         arguments = make_parser().parse_args(argv)
-        return print_result(*COMMANDS[arguments.command](arguments))
+        return print_result(*_run_command(arguments))
     except PolygraspError as error:
         return print_error(str(error), BAD_INPUT)
     except KeyboardInterrupt:
@@ -68,6 +70,21 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _run_command(arguments: argparse.Namespace) -> tuple[int, str]:
+    """Runs a subcommand, whole in a child process unless it serves the user from this one."""
+    name = arguments.command
+    if name in _HERE:
+        return COMMANDS[name](arguments)
+    run = COMMANDS[name]
+    result, _ = call_in_child(
+        f"{run.__module__}:{run.__name__}",
+        arguments,
+        limits=child_limits(arguments, f"polygrasp {name}", seconds=READ_SECONDS),
+    )
+    code, text = result
+    return code, text
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[int, str]]] = {
     "plan": run_plan,
     "verify": run_verify,
@@ -76,3 +93,6 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[int, str]]] = {
     "export": run_export,
 }
 """What runs each subcommand: takes its arguments, returns its exit code and what to print."""
+_HERE = {"show", "export"}
+"""Subcommands that run in this process: `show` serves until Ctrl-C, and `export` has Drake read no
+model."""

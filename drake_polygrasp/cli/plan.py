@@ -109,7 +109,11 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
     from drake_polygrasp.files.grasp_file import grasp_document, save_grasps
 
     if arguments.gap is not None:
-        call_in_child("drake_polygrasp.optimality.gap:require_planar", object_)
+        call_in_child(
+            "drake_polygrasp.optimality.gap:require_planar",
+            object_,
+            limits=child_limits(arguments, f"bounding grasps of {arguments.model}"),
+        )
     plan, _ = call_in_child(
         "drake_polygrasp.pipeline.plan:plan_grasps",
         object_,

@@ -37,13 +37,18 @@ class ProgressLine:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._dirty:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        self.erase()
 
     @property
     def elapsed(self) -> float:
         """Time since the start [s]."""
         return perf_counter() - self._start
+
+    def erase(self) -> None:
+        """Erases the line until it is next due, so that another may be printed."""
+        if self._dirty:
+            self._dirty = False
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
     def update(self, done: int, total: int) -> None:
         """Sets the counts to show, and refreshes the line if it is due.

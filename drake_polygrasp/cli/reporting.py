@@ -11,6 +11,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from drake_polygrasp.cli.child_messages import StderrLine, is_child, send_to_parent
+
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: all that was asked for holds; something does not, or nothing was found; the input or
 the usage is wrong; stopped from the keyboard."""
@@ -51,7 +53,7 @@ def print_error(message: str, code: int) -> int:
     Returns:
         `code`.
     """
-    _print_line(f"polygrasp: {message}")
+    print_line(f"polygrasp: {message}")
     return code
 
 
@@ -65,14 +67,21 @@ def print_warnings(warnings: Iterable[str]) -> None:
         file = _FILE.match(warning)
         if file and Path(file[0]).exists():
             warning = Path(file[0]).name + warning[file.end() :]
-        _print_line(f"warning: {warning}")
+        print_line(f"warning: {warning}")
 
 
-def _print_line(message: str) -> None:
-    """Prints one line on standard error, if there is one."""
-    if sys.stderr is not None:
+def print_line(message: str) -> None:
+    """Prints one line on standard error, if there is one, or has the parent of this child do so.
+
+    Args:
+        message: text; line breaks in it become spaces.
+    """
+    text = " ".join(message.splitlines())
+    if is_child():
+        send_to_parent(StderrLine(text))
+    elif sys.stderr is not None:
         with suppress(OSError):
-            print(" ".join(message.splitlines()), file=sys.stderr, flush=True)
+            print(text, file=sys.stderr, flush=True)
 
 
 def as_json(document: dict[str, Any]) -> str:

@@ -16,6 +16,7 @@ import pytest
 
 from drake_polygrasp.cli.calls import child_limits
 from drake_polygrasp.cli.child_process import ChildLimits, call_in_child
+from drake_polygrasp.cli.reporting import print_warnings
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.mesh_file import MAX_TRIANGLES
 from tests.support.fuzz import CUBE_OBJ, run, warm_up
@@ -347,6 +348,37 @@ def crash(_: float) -> None:
     os.kill(os.getpid(), 9)
 
 
+@pytest.mark.parametrize("function", ["sleep", "spin", "swell", "crash", "swell_in_numpy"])
+def test_each_stage_of_a_child_has_its_own_name_and_time(
+    function: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = ChildLimits("polygrasp plan", 20.0)
+    start = time.perf_counter()
+    with pytest.raises(ModelError, match=EXPECTED[function]):
+        call_in_child("tests.cli.test_bad_input:two_stages", function, limits=whole)
+    assert time.perf_counter() - start < 30
+    assert capsys.readouterr().err == "warning: read\n"
+
+
+def two_stages(function: str) -> None:
+    """The first stage takes longer than the second may, and is no part of what fails."""
+    first, second = ChildLimits("reading y.sdf", 10.0), ChildLimits("trying x.sdf", 2.0)
+    assert call_in_child("tests.cli.test_bad_input:sleep", 2.5, limits=first)[1] > 2.4
+    print_warnings(["read"])
+    call_in_child(f"tests.cli.test_bad_input:{function}", 60, limits=second)
+
+
+def test_a_stage_returns_its_value_in_the_same_child(capsys: pytest.CaptureFixture[str]) -> None:
+    parent, child, stage = call_in_child("tests.cli.test_bad_input:processes", "x")[0]
+    assert parent == os.getpid()
+    assert child == stage != parent
+    assert capsys.readouterr().err == ""
+
+
+def processes(_: str) -> tuple[int, int, int]:
+    return os.getppid(), os.getpid(), call_in_child("os:getpid", limits=ChildLimits("asking"))[0]
+
+
 def test_progress_is_shown_on_terminals_only(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -358,6 +390,20 @@ def test_progress_is_shown_on_terminals_only(
     assert capsys.readouterr().err == ""
     call_in_child("tests.cli.test_bad_input:sleep", 1.2, limits=ChildLimits("sleeping"))
     assert capsys.readouterr().err == "\rsleeping ... 1 s\x1b[K\r\x1b[K"
+
+
+def test_a_warning_is_printed_in_place_of_the_progress_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    isatty: Callable[[], bool] = lambda: True  # noqa: E731
+    monkeypatch.setattr(sys.stderr, "isatty", isatty)
+    call_in_child("tests.cli.test_bad_input:warn_late", 1.2, limits=ChildLimits("sleeping"))
+    assert capsys.readouterr().err == "\rsleeping ... 1 s\x1b[K\r\x1b[Kwarning: late\n"
+
+
+def warn_late(seconds: float) -> None:
+    time.sleep(seconds)
+    print_warnings(["late"])
 
 
 def test_progress_that_is_counted_comes_from_the_child(
