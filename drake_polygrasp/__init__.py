@@ -26,7 +26,13 @@ from typing import TYPE_CHECKING, Any
 from drake_polygrasp._version import __version__
 
 if TYPE_CHECKING:
-    from drake_polygrasp.errors import GraspFileError, ModelError, PolygraspError, UsageError
+    from drake_polygrasp.errors import (
+        GraspFileError,
+        HandError,
+        ModelError,
+        PolygraspError,
+        UsageError,
+    )
     from drake_polygrasp.exporters.directives import contact_poses, export_directives
     from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
     from drake_polygrasp.files.stated_grasp import GraspFile
@@ -40,6 +46,8 @@ if TYPE_CHECKING:
         PlantVerdict,
         RegionCertificate,
     )
+    from drake_polygrasp.hands.hand import Hand
+    from drake_polygrasp.hands.model import load_hand
     from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.loading.plant_object import object_from_plant
     from drake_polygrasp.loading.plant_obstacles import obstacles_from_plant
@@ -70,6 +78,8 @@ __all__ = [
     "GraspForces",
     "GraspObject",
     "GraspPlan",
+    "Hand",
+    "HandError",
     "ModelError",
     "Obstacles",
     "OptimalityGap",
@@ -90,6 +100,7 @@ __all__ = [
     "explain_sets",
     "export_directives",
     "load_grasps",
+    "load_hand",
     "load_object",
     "load_surroundings",
     "object_from_plant",
@@ -102,7 +113,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "errors": ("GraspFileError", "ModelError", "PolygraspError", "UsageError"),
+    "errors": ("GraspFileError", "HandError", "ModelError", "PolygraspError", "UsageError"),
     "exporters.directives": ("contact_poses", "export_directives"),
     "files.grasp_file": ("load_grasps", "save_grasps"),
     "files.stated_grasp": ("GraspFile",),
@@ -111,6 +122,8 @@ _HOMES = {
         *("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
         *("PlantRecord", "PlantVerdict", "RegionCertificate"),
     ),
+    "hands.hand": ("Hand",),
+    "hands.model": ("load_hand",),
     "loading.object_model": ("load_object",),
     "loading.plant_object": ("object_from_plant",),
     "loading.plant_obstacles": ("obstacles_from_plant",),

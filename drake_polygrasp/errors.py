@@ -26,6 +26,10 @@ class GraspFileError(PolygraspError):
     """A grasp file cannot be read or written, or breaks the format."""
 
 
+class HandError(PolygraspError):
+    """A hand's description or model cannot be used for grasps."""
+
+
 class UsageError(PolygraspError):
     """An argument or option has the wrong type or value, or does not go with another."""
 

@@ -38,6 +38,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "plant": {"certification", "geometry", "grasp", "loading"},
     "files": {"geometry", "grasp", "settings", "wrenches"},
     "exporters": {"files", "grasp", "wrenches"},
+    "hands": {"files", "loading"},
     "verification": {
         *("certification", "files", "geometry", "grasp", "loading", "plant", "wrenches"),
     },

@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.errors import GraspFileError, PolygraspError
 from drake_polygrasp.input_file import read_bytes
 
 MAX_YAML_BYTES = 4_000_000
@@ -27,34 +27,40 @@ _PLAIN_TAGS = [f"tag:yaml.org,2002:{kind}" for kind in ("map", "seq", "str")]
 _Sign = Literal["any", "positive", "zero or positive"]
 
 
-def read_mapping(path: Path) -> Block:
+def read_mapping(
+    path: Path, kind: str = "grasp", error: type[PolygraspError] = GraspFileError
+) -> Block:
     """Reads a file whose document is a mapping.
 
     Args:
         path: the file.
+        kind: what messages call the file.
+        error: type of the errors of this file and of the blocks in it.
 
     Returns:
         The mapping.
 
     Raises:
-        GraspFileError: when it cannot be read, is too large, or is not a mapping in plain YAML.
+        PolygraspError: of type `error`, when it cannot be read, is too large, or is not a mapping
+            in plain YAML.
     """
-    text = _read_text(path)
+    text = _read_text(path, kind, error)
     try:
         # BaseLoader resolves no tags, so any but these three is written in the file.
         node = yaml.compose(text, Loader=yaml.BaseLoader)
-        return Block(None if node is None else _value(node, set()), f"{path}: ")
-    except (yaml.YAMLError, ValueError) as error:
-        raise GraspFileError(f"{path}: is not plain YAML: {' '.join(str(error).split())}") from None
+        value = None if node is None else _value(node, set())
+    except (yaml.YAMLError, ValueError) as fault:
+        raise error(f"{path}: is not plain YAML: {' '.join(str(fault).split())}") from None
     except RecursionError:
-        raise GraspFileError(f"{path}: is not plain YAML: nested too deeply") from None
+        raise error(f"{path}: is not plain YAML: nested too deeply") from None
+    return Block(value, f"{path}: ", error)
 
 
-def _read_text(path: Path) -> str:
+def _read_text(path: Path, kind: str, error: type[PolygraspError]) -> str:
     try:
-        return read_bytes(path, "grasp", MAX_YAML_BYTES, GraspFileError).decode()
+        return read_bytes(path, kind, MAX_YAML_BYTES, error).decode()
     except UnicodeDecodeError:
-        raise GraspFileError(f"{path}: is not UTF-8 text") from None
+        raise error(f"{path}: is not UTF-8 text") from None
 
 
 def _value(node: yaml.Node, seen: set[int]) -> Any:
@@ -108,19 +114,24 @@ class Block:
     """A mapping of a file, whose values are checked as they are read.
 
     Args:
-        data: the mapping; a GraspFileError is raised if it is anything else.
+        data: the mapping; an error is raised if it is anything else.
         where: where it is in the file, for messages: "box.grasp.yaml: object.".
+        error: type of its errors; what methods say of GraspFileError holds for it.
 
     Attributes:
         data: the mapping.
         where: where it is in the file.
+        error: type of its errors.
     """
 
-    def __init__(self, data: object, where: str) -> None:
+    def __init__(
+        self, data: object, where: str, error: type[PolygraspError] = GraspFileError
+    ) -> None:
         if not isinstance(data, dict):
-            raise GraspFileError(f"{where.rstrip('.: ')} is {_shown(data)}, not a mapping")
+            raise error(f"{where.rstrip('.: ')} is {_shown(data)}, not a mapping")
         self.data: dict[str, Any] = data
         self.where = where
+        self.error = error
 
     def get(self, key: str) -> Any:
         """Returns a value of any kind.
@@ -132,17 +143,33 @@ class Block:
             GraspFileError: when it is missing.
         """
         if key not in self.data:
-            raise GraspFileError(f"{self.where}{key} is missing")
+            raise self.error(f"{self.where}{key} is missing")
         return self.data[key]
 
-    def refuse(self, key: str, demand: str) -> GraspFileError:
+    def refuse(self, key: str, demand: str) -> PolygraspError:
         """Returns the error that a value is not what it must be.
 
         Args:
             key: its key.
             demand: what it must be.
         """
-        return GraspFileError(f"{self.where}{key} is {_shown(self.data[key])}, not {demand}")
+        return self.error(f"{self.where}{key} is {_shown(self.data[key])}, not {demand}")
+
+    def check_keys(self, known: Sequence[str]) -> None:
+        """Checks that there are no keys but known ones, so that a misspelt one is not ignored.
+
+        Args:
+            known: the keys that may be there.
+
+        Raises:
+            GraspFileError: naming the first other key.
+        """
+        for key in self.data:
+            if key not in known:
+                raise self.error(
+                    f"{self.where}{key} is no key of the format; leave it out, or write one of "
+                    f"{', '.join(known)}"
+                )
 
     def text(self, key: str, allowed: Sequence[str] = ()) -> Any:
         """Returns text that is not empty.
@@ -215,7 +242,7 @@ class Block:
             key: its key.
         """
         rows = {f"{key}[{i}]": row for i, row in enumerate(self.items(key))}
-        block = Block(rows, self.where)
+        block = Block(rows, self.where, self.error)
         return frozen(np.reshape([block.vector(name) for name in rows], (-1, 3)))
 
     def block(self, key: str) -> Block:
@@ -224,7 +251,7 @@ class Block:
         Args:
             key: its key.
         """
-        return Block(self.get(key), f"{self.where}{key}.")
+        return Block(self.get(key), f"{self.where}{key}.", self.error)
 
     def blocks(self, key: str) -> list[Block]:
         """Returns a list of mappings; GraspFileError for anything else.
@@ -233,7 +260,7 @@ class Block:
             key: its key.
         """
         items = enumerate(self.items(key))
-        return [Block(item, f"{self.where}{key}[{i}].") for i, item in items]
+        return [Block(item, f"{self.where}{key}[{i}].", self.error) for i, item in items]
 
 
 def _shown(value: object) -> str:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pydrake.multibody.parsing import Parser
+from pydrake.multibody.parsing import PackageMap, Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
 
+from drake_polygrasp.loading.drake_messages import collect_drake_log
 from drake_polygrasp.loading.mesh_file import check_mesh_file
-from drake_polygrasp.loading.model_source import read_model_files
+from drake_polygrasp.loading.model_source import ModelFiles, read_model_files
 from drake_polygrasp.loading.packages import find_packages, locate, use_packages, without_network
 from drake_polygrasp.loading.parsed_model import drake_errors_as_model_errors
 
@@ -46,11 +47,36 @@ def add_model(
     """
     package_map = find_packages(model_file, package_paths, packages)
     files = read_model_files(locate(model_file, package_map), package_map)
-    for mesh in files.meshes:
-        check_mesh_file(mesh)
-    parser = Parser(plant, model_name_prefix=name_prefix or "")
-    use_packages(parser, package_map)
-    with drake_errors_as_model_errors(files.model_file), without_network():
-        models = parser.AddModels(str(files.model_file))
+    models = add_model_files(plant, files, package_map, name_prefix or "")
     bodies = [plant.get_body(index) for model in models for index in plant.GetBodyIndices(model)]
     return [body for body in bodies if plant.GetCollisionGeometriesForBody(body)]
+
+
+def add_model_files(
+    plant: MultibodyPlant, files: ModelFiles, package_map: PackageMap, name_prefix: str = ""
+) -> list[ModelInstanceIndex]:
+    """Adds all models of files that were read already to a plant.
+
+    Args:
+        plant: the plant, registered with a SceneGraph and not finalized yet.
+        files: the model file and all that it refers to.
+        package_map: the packages that URIs may name.
+        name_prefix: scope put before the names of the file's models; empty for none.
+
+    Returns:
+        The models added.
+
+    Raises:
+        ModelError: when a mesh or the model is malformed.
+    """
+    for mesh in files.meshes:
+        check_mesh_file(mesh)
+    parser = Parser(plant, model_name_prefix=name_prefix)
+    use_packages(parser, package_map)
+    with (
+        collect_drake_log() as log,
+        drake_errors_as_model_errors(files.model_file, log.errors),
+        without_network(),
+    ):
+        models: list[ModelInstanceIndex] = parser.AddModels(str(files.model_file))
+    return models

@@ -1,0 +1,11 @@
+"""Hands: what a hand is, what it reaches, and postures in which it holds an object.
+
+| file | what it holds |
+|---|---|
+| description.py | reads and writes the YAML file of a hand |
+| model.py | loads a hand: `load_hand` |
+| hand.py | the hand as a value, with forward kinematics |
+| in_plant.py | adds a hand to a plant and finds its elements there |
+| couplings.py | which joints are independent, and how the others follow them |
+| tip_fit.py | how well the sphere of a fingertip fits its geometry |
+"""
