@@ -27,7 +27,9 @@ def main() -> None:
     print(f"| model | {' | '.join(NAMES)} |")
     print("|---|" + "---|" * len(NAMES))
     asked, refused = 0, []
-    for folder in sorted(path for path in MODELS.iterdir() if path.is_dir()):
+    for folder in sorted(
+        path for path in MODELS.iterdir() if path.is_dir() and path.name != "hands"
+    ):
         (model,) = (path for path in folder.iterdir() if path.suffix in {".sdf", ".urdf"})
         reports = plant_reports(model, top)
         print(f"| `{folder.name}` | {' | '.join(row(reports))} |", flush=True)

@@ -71,7 +71,9 @@ def _scan(seed: int) -> Array:
 
 def models() -> list[Subject]:
     """Our own objects."""
-    folders = sorted(path for path in (ROOT / "models").iterdir() if path.is_dir())
+    folders = sorted(
+        path for path in (ROOT / "models").iterdir() if path.is_dir() and path.name != "hands"
+    )
     files = (
         next(p for p in folder.iterdir() if p.suffix in SUFFIXES - {".obj"}) for folder in folders
     )

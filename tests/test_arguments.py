@@ -39,6 +39,7 @@ from drake_polygrasp import (
 from drake_polygrasp.arguments import check_array, check_count, check_number, check_path
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.files.stated_grasp import StatedPlan
+from tests.hands.test_model import THREE_FINGER
 from tests.loading.test_plant_objects import CUBE, anchored, world
 from tests.support.grasp_files import write_box
 from tests.support.plant_scenes import cube_grasp, model, top_grasp
@@ -145,6 +146,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "explain_sets": planned,
         "export_directives": {"file": file, "output": folder / "out.dmd.yaml"},
         "load_grasps": {"path": file.path},
+        "load_hand": {"description": THREE_FINGER, "package_paths": (), "packages": None},
         "load_object": {"model_file": CUBE, "body_name": None, "mu": None, **settings},
         "load_surroundings": {
             "scene_file": CUBE,

@@ -315,7 +315,9 @@ def test_the_batched_planner_agrees_on_every_set(name: str) -> None:
     assert_agreement(reference(name), planner_input(name))
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in MODELS.iterdir() if path.is_dir()))
+@pytest.mark.parametrize(
+    "name", sorted(path.name for path in MODELS.iterdir() if path.is_dir() and path.name != "hands")
+)
 def test_the_batched_planner_agrees_on_every_set_of_the_models(name: str) -> None:
     (model,) = [p for p in (MODELS / name).iterdir() if p.suffix in (".sdf", ".urdf")]
     thing = load_object(model)
