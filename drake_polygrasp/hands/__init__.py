@@ -8,4 +8,8 @@
 | in_plant.py | adds a hand to a plant and finds its elements there |
 | couplings.py | which joints are independent, and how the others follow them |
 | tip_fit.py | how well the sphere of a fingertip fits its geometry |
+| scene.py | hand, object and what is around it in one scratch plant: `HandScene` |
+| measured_posture.py | how well a posture touches the contacts, and what it is clear of |
+| torque.py | joint torques that squeeze and hold: `holding_torque` |
+| approach.py | how fingers open, and a straight way to the object: `find_pregrasp` |
 """
