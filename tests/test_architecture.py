@@ -40,7 +40,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "files": {"geometry", "grasp", "settings", "wrenches"},
     "exporters": {"files", "grasp", "wrenches"},
     "hands": {
-        *("certification", "files", "geometry", "grasp", "hand_grasp", "loading", "wrenches"),
+        *("certification", "files", "geometry", "grasp", "hand_grasp", "loading"),
+        *("search", "wrenches"),
     },
     "verification": {
         *("certification", "files", "geometry", "grasp", "loading", "plant", "wrenches"),

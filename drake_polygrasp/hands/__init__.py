@@ -7,6 +7,7 @@
 | hand.py | the hand as a value, with forward kinematics |
 | in_plant.py | adds a hand to a plant and finds its elements there |
 | couplings.py | which joints are independent, and how the others follow them |
+| library.py | random postures of a hand, and what its tips reach in them |
 | tip_fit.py | how well the sphere of a fingertip fits its geometry |
 | scene.py | hand, object and what is around it in one scratch plant: `HandScene` |
 | measured_posture.py | how well a posture touches the contacts, and what it is clear of |

@@ -13,5 +13,6 @@ This room does not import the paper: the pipeline passes in what the search need
 | set_bounds.py | bounds of epsilon over all contacts on a set of faces |
 | local_improvement.py | contacts that move within their regions while epsilon rises |
 | selection.py | which triples are improved, and in what order they are preferred |
+| reach.py | what a hand reaches: postures whose tips nearly fit a triple of contacts |
 | fingertip_room.py | the parts of regions where fingertips have room |
 """
