@@ -19,7 +19,7 @@ import numpy.typing as npt
 from drake_polygrasp.arrays import Array, Batch, Ints
 from drake_polygrasp.vectors import cross, dot, unit
 
-Fingers = tuple[int, int, int]
+TipTriple = tuple[int, int, int]
 """Three tips of a hand, by their indices."""
 Features = npt.NDArray[np.float32]
 LENGTH_SCALE = 0.008
@@ -85,7 +85,9 @@ def triangle_features(p: Array, direction: Array) -> Features:
     return np.concatenate([lengths, flat], axis=-1).astype(np.float32)
 
 
-def reach_scores(reach: Reach, fingers: Sequence[Fingers], p_BT: Array, nhat_TB_B: Array) -> Array:
+def reach_scores(
+    reach: Reach, fingers: Sequence[TipTriple], p_BT: Array, nhat_TB_B: Array
+) -> Array:
     """Computes how well a hand reaches triples of contacts, with the fingers that suit best.
 
     Args:
@@ -114,7 +116,7 @@ def reach_scores(reach: Reach, fingers: Sequence[Fingers], p_BT: Array, nhat_TB_
 
 def best_matches(
     reach: Reach,
-    fingers: Sequence[Fingers],
+    fingers: Sequence[TipTriple],
     p_BT: Array,
     nhat_TB_B: Array,
     num: int = 80,
@@ -151,7 +153,7 @@ def best_matches(
     return Matches(row[best], tips_at[best], score[best].astype(float))
 
 
-def tip_distances(reach: Reach, fingers: Sequence[Fingers], share: float = 0.001) -> Array:
+def tip_distances(reach: Reach, fingers: Sequence[TipTriple], share: float = 0.001) -> Array:
     """Returns the range of distances between two tips that may grasp together.
 
     Args:
@@ -168,7 +170,7 @@ def tip_distances(reach: Reach, fingers: Sequence[Fingers], share: float = 0.001
     return np.quantile(np.sqrt(dot(side, side)), [share, 1 - share])
 
 
-def _columns(reach: Reach, tips: Fingers) -> Features:
+def _columns(reach: Reach, tips: TipTriple) -> Features:
     """Returns the features of all postures, one row a feature, shape (12, L)."""
     chosen = list(tips)
     return np.ascontiguousarray(triangle_features(reach.p_PT[:, chosen], reach.axis_P[:, chosen]).T)
