@@ -10,7 +10,10 @@
 | library.py | random postures of a hand, and what its tips reach in them |
 | tip_fit.py | how well the sphere of a fingertip fits its geometry |
 | scene.py | hand, object and what is around it in one scratch plant: `HandScene` |
+| starts.py | postures of the library, moved onto contacts by Kabsch's fit |
+| posture.py | postures that touch contacts, by inverse kinematics: `find_posture` |
 | measured_posture.py | how well a posture touches the contacts, and what it is clear of |
 | torque.py | joint torques that squeeze and hold: `holding_torque` |
 | approach.py | how fingers open, and a straight way to the object: `find_pregrasp` |
+| hand_search.py | all of these for many candidates, breadth-first: `HandSearch` |
 """
