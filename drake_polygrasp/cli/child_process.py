@@ -251,7 +251,12 @@ def _progress_sender() -> Progress:
 
 
 def _limit_resources() -> None:
-    """Bounds the memory of this process, and leaves Ctrl-C and core dumps to the parent."""
+    """Bounds the memory of this process, and leaves Ctrl-C and core dumps to the parent.
+
+    NumPy, not yet imported, is to start no threads: our matrices are too small to share, and idle
+    threads take as much of the processor as Drake does to parse a model.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # On Ctrl-C the parent kills this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for limit, wanted in ((resource.RLIMIT_DATA, _MAX_GIGABYTES << 30), (resource.RLIMIT_CORE, 0)):

@@ -6,17 +6,17 @@ Unknown keys are allowed on reading, so that the format can be extended.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Iterable, Mapping
-from importlib import metadata
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 import yaml
 
-from drake_polygrasp._version import __version__
+from drake_polygrasp._version import __version__, drake_version
 from drake_polygrasp.arguments import check_instance, check_items, check_path, refuse
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.digits import to_decimals
@@ -88,7 +88,7 @@ def save_grasps(
     document = {
         "format": FORMAT,
         "version": _VERSION,
-        "generator": {"drake_polygrasp": __version__, "drake": metadata.version("drake")},
+        "generator": {"drake_polygrasp": __version__, "drake": drake_version()},
         "object": object_document(object_, object_.source, path.parent),
         "plan": _plain(plan_settings.stated),
         "grasps": [grasp_document(grasp) for grasp in grasps],
@@ -104,10 +104,22 @@ def write_document(path: Path, document: Mapping[str, Any]) -> None:
         document: its keys and values, in order; GraspFileError for a number that is not finite, or
             when `path` cannot be written.
     """
-    text = yaml.safe_dump(
-        _plain(document), sort_keys=False, default_flow_style=None, allow_unicode=True, width=10**6
+    plain = _plain(document)
+    text = yaml.dump(
+        plain,
+        Dumper=_dumper(plain),
+        sort_keys=False,
+        default_flow_style=None,
+        allow_unicode=True,
+        width=10**6,
     )
     _write_whole(path, text)
+
+
+def _dumper(document: Mapping[str, Any]) -> Any:
+    """Returns libyaml's dumper, which is five times as fast, where it writes the same bytes."""
+    same_bytes = yaml.__with_libyaml__ and json.dumps(document, ensure_ascii=False).isascii()
+    return yaml.CSafeDumper if same_bytes else yaml.SafeDumper
 
 
 def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:

@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from pydrake.geometry import Meshcat
 
+from drake_polygrasp._version import drake_version
 from drake_polygrasp.arguments import (
     check_array,
     check_count,
@@ -136,7 +136,7 @@ def certify_in_plant(
     mathematics = _exact(contacts, internal_force, proof), _convex(proof)
     geometry = _geometry(scene, surroundings or Surroundings(()))
     settings: dict[str, Any] = {
-        "drake": metadata.version("drake"),
+        "drake": drake_version(),
         "tip_radius": scene.tip_radius,
         "simulated_on": "surface" if scene.solid.is_hulls else "pads",
         "pad_width": scene.pad_width,

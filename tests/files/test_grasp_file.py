@@ -18,7 +18,12 @@ from pydrake.common.yaml import yaml_load_file
 
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.errors import GraspFileError
-from drake_polygrasp.files.grasp_file import grasp_document, load_grasps, save_grasps
+from drake_polygrasp.files.grasp_file import (
+    grasp_document,
+    load_grasps,
+    save_grasps,
+    write_document,
+)
 from drake_polygrasp.files.plain_yaml import MAX_YAML_BYTES
 from drake_polygrasp.files.stated_grasp import GraspFile, StatedPlan
 from drake_polygrasp.geometry.polyhedron import Face, Polyhedron
@@ -127,6 +132,23 @@ def test_the_written_file_says_what_the_contract_s_example_says(tmp_path: Path) 
 
 def test_the_same_grasps_give_the_same_bytes(tmp_path: Path) -> None:
     assert save(tmp_path / "a.yaml") == save(tmp_path / "b.yaml")
+
+
+@pytest.mark.parametrize("name", ["box: - #1", "två ord 物体 \U0001f600", "cube\udcff"])
+def test_files_are_the_same_with_libyaml_and_without(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert yaml.__with_libyaml__
+    document = {**yaml.safe_load(EXAMPLE)}
+    document["object"]["model_name"] = name
+    found = []
+    for with_libyaml in (True, False):
+        monkeypatch.setattr(yaml, "__with_libyaml__", with_libyaml)
+        write_document(tmp_path / "box.grasp.yaml", document)
+        file = load_grasps(tmp_path / "box.grasp.yaml")
+        found.append(((tmp_path / "box.grasp.yaml").read_bytes(), repr(file)))
+        assert file.object_.model_name == name
+    assert found[0] == found[1]
 
 
 def test_what_is_written_is_read_back_exactly(tmp_path: Path) -> None:
