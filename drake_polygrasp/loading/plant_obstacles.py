@@ -83,7 +83,7 @@ def obstacles_from_plant(
         part = _part(query, geometry, X_WB, (low - reach, high + reach))
         if part is not None:
             parts[geometry] = part
-    surfaces = [_outward(part) for part in parts.values() if part.primitive is None]
+    surfaces = [outward_triangles(part) for part in parts.values() if part.primitive is None]
     none = np.empty((0, 3, 3)), np.empty(0, dtype=bool)
     triangles, closed = (np.concatenate(x) for x in zip(none, *surfaces, strict=True))
     names = dict.fromkeys(geometry_name(plant, inspector, geometry) for geometry in parts)
@@ -187,7 +187,7 @@ def _part(
         raise ModelError(f"obstacle '{name}' is deformable; put its geometry into `ignore`")
     X_BG = X_WB.inverse() @ query.GetPoseInWorld(geometry)
     if isinstance(shape, HalfSpace):
-        return _half_space(X_BG, near)
+        return half_space_part(X_BG, near)
     corners = _corners_B(inspector, geometry, X_BG)
     if corners is not None:
         apart = (corners.min(axis=0) > near[1]) | (corners.max(axis=0) < near[0])
@@ -203,8 +203,13 @@ def _part(
     return part
 
 
-def _half_space(X_BG: RigidTransform, near: tuple[Array, Array]) -> Part | None:
-    """Returns a box with the points of the half space z_G <= 0 in `near`, None without any."""
+def half_space_part(X_BG: RigidTransform, near: tuple[Array, Array]) -> Part | None:
+    """Returns a box with the points of the half space z_G <= 0 in a box, None without any.
+
+    Args:
+        X_BG: pose of the half space's frame G in B.
+        near: least and greatest corner of the box in B [m], shape (3,) each.
+    """
     middle = (near[0] + near[1]) / 2
     radius = float(np.linalg.norm(near[1] - near[0])) / 2
     p_G = X_BG.inverse() @ middle
@@ -228,8 +233,15 @@ def _corners_B(
     return np.asarray((X_BO @ (signs * obb.half_width()).T).T)
 
 
-def _outward(part: Part) -> tuple[Array, Bools]:
-    """Returns a part's triangles, turned outward, and whether the shell of each is closed."""
+def outward_triangles(part: Part) -> tuple[Array, Bools]:
+    """Returns a part's triangles, turned outward, and whether the shell of each is closed.
+
+    Args:
+        part: a part of triangles.
+
+    Returns:
+        Triangles [m], shape (T, 3, 3), and flags, shape (T,).
+    """
     size = float(np.ptp(part.triangles_B.reshape(-1, 3), axis=0).max())
     vertices, corners = weld(part.triangles_B, LENGTH_TOLERANCE * size)
     shells = oriented_shells(vertices, corners)

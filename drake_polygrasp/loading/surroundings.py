@@ -10,15 +10,18 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pydrake.geometry import Shape
+import numpy as np
+from pydrake.geometry import HalfSpace, Shape
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from drake_polygrasp.arguments import check_instance, check_path, check_paths
+from drake_polygrasp.arrays import frozen
 from drake_polygrasp.errors import ModelError, UsageError
 from drake_polygrasp.geometry.body_identity import BodyIdentity
+from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import GraspObject, ModelSource
 from drake_polygrasp.loading.live_plant import find_body, query_of
 from drake_polygrasp.loading.object_model import scoped_name
@@ -33,11 +36,13 @@ from drake_polygrasp.loading.plant_object import object_from_plant
 from drake_polygrasp.loading.plant_obstacles import (
     Ignored,
     geometry_name,
+    half_space_part,
     live_identity,
     other_geometries,
+    outward_triangles,
 )
 from drake_polygrasp.loading.rigid_group import find_group
-from drake_polygrasp.loading.shapes import repaired
+from drake_polygrasp.loading.shapes import part_of, repaired
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +103,51 @@ def surroundings_from_plant(
             shape = repaired(inspector.GetShape(geometry))
         parts.append((name, shape, X_BW @ query.GetPoseInWorld(geometry)))
     return Surroundings(tuple(parts), live_identity(inspector, colliders, body))
+
+
+def obstacles_of(surroundings: Surroundings, object_: GraspObject, reach: float) -> Obstacles:
+    """Returns surroundings as obstacles of contacts, as `obstacles_from_plant` returns them.
+
+    Args:
+        surroundings: what is around the object.
+        object_: the object.
+        reach: distance from the object's bounding box beyond which geometry is left out [m].
+
+    Raises:
+        ModelError: when a shape has no surface.
+    """
+    corners = object_.polyhedron.triangles_B.reshape(-1, 3)
+    near = corners.min(axis=0) - reach, corners.max(axis=0) + reach
+    names, parts = [], []
+    for name, shape, X_BG in surroundings.parts:
+        if isinstance(shape, HalfSpace):
+            part = half_space_part(X_BG, near)
+        else:
+            with drake_errors_as_model_errors(f"obstacle '{name}'"):
+                part = part_of(shape, X_BG, mu=0.0)
+            if part is None:
+                raise ModelError(
+                    f"obstacle '{name}' is a {type(shape).__name__}, which has no surface to "
+                    "measure; leave it out of the surroundings"
+                )
+            p_B = part.triangles_B.reshape(-1, 3)
+            if (p_B.min(axis=0) > near[1]).any() or (p_B.max(axis=0) < near[0]).any():
+                continue
+        if part is not None:
+            names.append(name)
+            parts.append(part)
+    surfaces = [outward_triangles(part) for part in parts if part.primitive is None]
+    none = np.empty((0, 3, 3)), np.empty(0, dtype=bool)
+    triangles, closed = (np.concatenate(x) for x in zip(none, *surfaces, strict=True))
+    return Obstacles(
+        X_WB=RigidTransform(),
+        names=tuple(dict.fromkeys(names)),
+        triangles_B=frozen(triangles),
+        closed=frozen(closed, bool),
+        primitives=tuple(part.primitive for part in parts if part.primitive is not None),
+        reach=reach,
+        body=surroundings.body,
+    )
 
 
 def load_surroundings(

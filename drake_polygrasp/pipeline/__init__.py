@@ -14,5 +14,6 @@
 | ranking.py | puts proved candidates in order and certifies the best |
 | plan.py | `plan_grasps` |
 | explain.py | `explain_sets`: what became of every set of faces |
+| hand_candidates.py | proposes and proves grasps that a hand may reach |
 | plant_ranking.py | `rank_in_plant`: ranks the grasps of a plan by the verdicts of a plant |
 """

@@ -57,6 +57,34 @@ def certify_best(judge: Judge, rank: Rank, top: int) -> tuple[CertifiedGrasp, ..
     return _certified(judge, rows, [measured.get(row) for row in rows])
 
 
+def grasp_at(judge: Judge, row: int) -> Grasp:
+    """Returns a proved candidate without its certificate.
+
+    Args:
+        judge: the candidates and their proofs.
+        row: index of the candidate.
+    """
+    return _grasp(judge.work, row)
+
+
+def certify_candidate(judge: Judge, row: int) -> CertifiedGrasp:
+    """Certifies one proved candidate, with the errors that the request asks for.
+
+    Args:
+        judge: the candidates and their proofs.
+        row: index of the candidate.
+
+    Returns:
+        The grasp; without a `region` if it is not proved to bear the errors.
+    """
+    (certified,) = _certified(judge, [row], [None])
+    errors = judge.work.request.errors
+    if errors is None:
+        return certified
+    region = certify_errors(judge.work.request.object_, certified.grasp, errors)
+    return replace(certified, region=region)
+
+
 def _bearing_errors(
     judge: Judge, ranked: list[_Ranked], rank: Rank, top: int
 ) -> tuple[CertifiedGrasp, ...]:

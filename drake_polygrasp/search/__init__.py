@@ -14,5 +14,6 @@ This room does not import the paper: the pipeline passes in what the search need
 | local_improvement.py | contacts that move within their regions while epsilon rises |
 | selection.py | which triples are improved, and in what order they are preferred |
 | reach.py | what a hand reaches: postures whose tips nearly fit a triple of contacts |
+| reachable.py | triples of sample points that a hand reaches |
 | fingertip_room.py | the parts of regions where fingertips have room |
 """

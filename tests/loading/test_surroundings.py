@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from pydrake.geometry import Box, HalfSpace, Mesh
+from pydrake.geometry import Box, Cylinder, HalfSpace, Mesh
 from pydrake.math import RigidTransform
 
 from drake_polygrasp import (
@@ -28,6 +28,7 @@ from drake_polygrasp import (
 )
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.grasp import Verdict
+from drake_polygrasp.loading.surroundings import obstacles_of
 from tests.loading.test_plant_objects import CUBE, X_WB, Furnish, anchored, welded, world
 from tests.support.plant_scenes import MODELS, cube_grasp, model
 
@@ -225,3 +226,18 @@ def test_a_lid_on_a_joint_is_the_objects_own_and_no_neighbour(
     (tmp_path / "lid.urdf").write_text(LID)
     lidded = load_object(tmp_path / "lid.urdf", body_name="cube", mu=0.3, joints_free=joints_free)
     assert load_surroundings(directives, lidded, mu=0.3).names == ("wall::wall",)
+
+
+def test_surroundings_are_the_obstacles_of_the_same_scene() -> None:
+    ground = anchored("ground", HalfSpace(), X_WB @ RigidTransform([0.0, 0.0, -0.03]))
+    pole = anchored("pole", Cylinder(0.01, 0.2), X_WB @ RigidTransform([0.08, 0.0, 0.0]))
+    far = anchored("far", Box(0.1, 0.1, 0.1), X_WB @ RigidTransform([3.0, 0.0, 0.0]))
+    scene = (ground, wall(0.01), pole, far)
+    expected = obstacles_from_plant(*world(CUBE, *scene).asked, reach=0.2)
+    found = obstacles_of(around(*scene), model("cube"), 0.2)
+    assert found.names == expected.names == ("ground", "wall::wall", "pole")
+    p_B = np.random.default_rng(0).uniform(-0.12, 0.12, (500, 3))
+    # Poses differ by the rounding of the cube's pose in the world, so the last bits do.
+    for reach in (0.0, 0.01):
+        assert (found.block(p_B, reach) == expected.block(p_B, reach)).all()
+    assert 0 < found.block(p_B, 0.0).sum() < 500
