@@ -29,15 +29,14 @@ class HandSource:
 
     Attributes:
         name: name of the hand.
-        description_file: its description: an absolute path, or a package:// URI; None for one that
-            was made in memory.
+        description_file: its description, an absolute path; None for one that was made in memory.
         sha256: hex digest over the digests of its description, model and meshes; None likewise.
         palm_frame: name of frame P in its model.
         approach_P: unit vector from the palm to the object, shape (3,).
     """
 
     name: str
-    description_file: Path | str | None
+    description_file: Path | None
     sha256: str | None
     palm_frame: str
     approach_P: Array

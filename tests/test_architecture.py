@@ -37,7 +37,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "certification": {"grasp", "wrenches"},
     "loading": {"geometry", "grasp"},
     "plant": {"certification", "geometry", "grasp", "loading"},
-    "files": {"geometry", "grasp", "settings", "wrenches"},
+    "files": {"geometry", "grasp", "hand_grasp", "settings", "wrenches"},
     "exporters": {"files", "grasp", "wrenches"},
     "hands": {
         *("certification", "files", "geometry", "grasp", "hand_grasp", "loading"),

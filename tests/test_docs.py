@@ -32,6 +32,7 @@ from drake_polygrasp.paper.stages import plan_sets
 from drake_polygrasp.pipeline.region_certificates import Errors, certify_errors
 from drake_polygrasp.verification.report import Status
 from tests.support.convex_polyhedra import prism, write_obj
+from tests.support.hands import CUBE, own_hand_grasps
 from tests.support.solids import regular_polygon
 
 ROOT = Path(__file__).parents[1]
@@ -159,8 +160,15 @@ def described() -> dict[str, str]:
     return dict(found)
 
 
+BY_NAMES = {
+    "grasps[].plant.settings",
+    *(f"grasps[].hand.{key}" for key in ("q", "pregrasp.q", "torque.torque")),
+}
+"""Mappings whose keys are names, of settings or joints."""
+
+
 def paths(value: Any, path: str = "") -> Iterator[str]:
-    """The paths of all keys; settings of a simulation are described by one."""
+    """The paths of all keys but such names."""
     if isinstance(value, list):
         for item in value:
             yield from paths(item, f"{path}[]")
@@ -168,7 +176,7 @@ def paths(value: Any, path: str = "") -> Iterator[str]:
         for key, item in value.items():
             inner = f"{path}.{key}" if path else str(key)
             yield inner
-            if inner != "grasps[].plant.settings":
+            if inner not in BY_NAMES:
                 yield from paths(item, inner)
 
 
@@ -189,8 +197,8 @@ def bearing_errors(
 def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     """Documents that between them hold every key we write."""
     folder = tmp_path_factory.mktemp("written")
-    names = ("full", "around", "welded", "scaled", "curved")
-    full, around, welded, scaled, curved = (folder / f"{name}.yaml" for name in names)
+    names = ("full", "around", "welded", "scaled", "curved", "held")
+    full, around, welded, scaled, curved, held = (folder / f"{name}.yaml" for name in names)
     asked = "--mu 0.3 --avoid-direction 0 0 -1 --exclude-faces 0 --patch-angle 0.2"
     asked += " --patch-depth 0.001 --top 1 --plant"
     asked += " --placement-error 1e-3 --tilt-error 0.05 --friction-error 0.1 --com-error 1e-3"
@@ -217,6 +225,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     write_obj(folder / "mm.obj", prism(regular_polygon(4, 40.0), 60.0))
     asked = ["--scale", "0.001", "--top", "1", "-o", str(scaled)]
     assert main(["plan", str(folder / "mm.obj"), *asked]) == 0
+    save_grasps(held, cube, own_hand_grasps(CUBE, up=True)[:1], plan.settings)
     return [yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in names]
 
 

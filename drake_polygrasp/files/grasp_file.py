@@ -21,6 +21,12 @@ from drake_polygrasp.arguments import check_instance, check_items, check_path, r
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.errors import GraspFileError
+from drake_polygrasp.files.hand_block import (
+    hand_document,
+    placement_document,
+    read_hand,
+    read_placement,
+)
 from drake_polygrasp.files.object_block import object_document, read_object
 from drake_polygrasp.files.plain_yaml import Block, read_mapping
 from drake_polygrasp.files.plan_block import read_plan
@@ -40,6 +46,7 @@ from drake_polygrasp.grasp import (
     Kind,
     Quality,
 )
+from drake_polygrasp.hand_grasp import HandGrasp, HandPlacement, HandSource
 from drake_polygrasp.settings import PlanSettings
 from drake_polygrasp.wrenches.contacts import edge_forces
 
@@ -52,7 +59,7 @@ _VERSION = 1
 def save_grasps(
     path: Path | str,
     object_: GraspObject,
-    grasps: Iterable[CertifiedGrasp | StatedGrasp],
+    grasps: Iterable[CertifiedGrasp | StatedGrasp | HandGrasp],
     plan_settings: PlanSettings | StatedPlan,
 ) -> None:
     """Writes a grasp file, whole or not at all; the same arguments give the same bytes.
@@ -63,19 +70,20 @@ def save_grasps(
         path: the grasp file.
         object_: the object that is grasped, loaded from a model file.
         grasps: its grasps, best first, with verdicts of checks in a plant if they have any; those
-            read from a grasp file are written as they were stated.
+            read from a grasp file are written as they were stated. Of grasps that a hand holds, how
+            it does is written too; the hand must be the same for all.
         plan_settings: the settings of the plan: `GraspPlan.settings`, or `GraspFile.plan`.
 
     Raises:
         UsageError: when an argument has the wrong type.
-        GraspFileError: when `object_` came from no file, a number is not finite, or `path` cannot
-            be written.
+        GraspFileError: when `object_` came from no file, a number is not finite, the grasps are of
+            several hands, or `path` cannot be written.
     """
     path = Path(check_path("path", path))
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     if not isinstance(plan_settings, PlanSettings | StatedPlan):
         raise refuse("plan_settings", plan_settings, "a PlanSettings, such as plan.settings")
-    kinds = (CertifiedGrasp, StatedGrasp)
+    kinds = (CertifiedGrasp, StatedGrasp, HandGrasp)
     grasps = check_items("grasps", grasps)
     for i, grasp in enumerate(grasps):
         if not isinstance(grasp, kinds):
@@ -85,12 +93,14 @@ def save_grasps(
             f"{path}: a grasp file names its model, and this object came from no file; give "
             "object_from_plant the body's model_file"
         )
+    placements = [held for grasp in grasps if (held := _placement(grasp)) is not None]
     document = {
         "format": FORMAT,
         "version": _VERSION,
         "generator": {"drake_polygrasp": __version__, "drake": drake_version()},
         "object": object_document(object_, object_.source, path.parent),
         "plan": _plain(plan_settings.stated),
+        **({"hand": hand_document(placements, path.parent)} if placements else {}),
         "grasps": [grasp_document(grasp) for grasp in grasps],
     }
     write_document(path, document)
@@ -122,15 +132,25 @@ def _dumper(document: Mapping[str, Any]) -> Any:
     return yaml.CSafeDumper if same_bytes else yaml.SafeDumper
 
 
-def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:
+def _placement(grasp: CertifiedGrasp | StatedGrasp | HandGrasp) -> HandPlacement | None:
+    """Returns how a hand holds a grasp, if one does."""
+    if isinstance(grasp, StatedGrasp):
+        return grasp.hand
+    return grasp if isinstance(grasp, HandGrasp) else None
+
+
+def grasp_document(certified: CertifiedGrasp | StatedGrasp | HandGrasp) -> dict[str, Any]:
     """Returns a grasp as it stands in the file.
 
     Args:
-        certified: a planned grasp, or one read from a file.
+        certified: a planned grasp, one read from a file, or one with the posture of a hand.
 
     Returns:
         Plain dictionaries, lists, numbers and text.
     """
+    placement = _placement(certified)
+    if isinstance(certified, HandGrasp):
+        certified = certified.certified
     grasp, certificate = certified.grasp, certified.certificate
     if isinstance(certified, StatedGrasp):
         f_Bc_B = certified.f_Bc_B
@@ -157,6 +177,8 @@ def grasp_document(certified: CertifiedGrasp | StatedGrasp) -> dict[str, Any]:
         document["region"] = region_document(certified.region, grasp.nhat_TB_B)
     if certified.plant is not None:
         document["plant"] = plant_document(certified.plant)
+    if placement is not None:
+        document["hand"] = placement_document(placement)
     plain: dict[str, Any] = _plain(document)
     return plain
 
@@ -189,12 +211,14 @@ def load_grasps(path: Path | str) -> GraspFile:
     object_ = read_object(root.block("object"))
     has_plan = "plan" in root.data
     plan = read_plan(root.block("plan"), object_.num_faces) if has_plan else StatedPlan()
+    hand = read_hand(root.block("hand"), path.parent) if "hand" in root.data else None
     return GraspFile(
         path=path,
         object_=object_,
-        grasps=tuple(_read_grasp(block, plan.tip_radius) for block in root.blocks("grasps")),
+        grasps=tuple(_read_grasp(block, plan.tip_radius, hand) for block in root.blocks("grasps")),
         plan=plan,
         generator=root.block("generator").data,
+        hand=hand,
     )
 
 
@@ -233,7 +257,7 @@ def _write_whole(path: Path, text: str) -> None:
         scratch.unlink(missing_ok=True)
 
 
-def _read_grasp(block: Block, tip_radius: float | None) -> StatedGrasp:
+def _read_grasp(block: Block, tip_radius: float | None, hand: HandSource | None) -> StatedGrasp:
     contacts = block.blocks("contacts")
     if len(contacts) != 3:
         raise block.refuse("contacts", "a list of three contacts")
@@ -255,7 +279,16 @@ def _read_grasp(block: Block, tip_radius: float | None) -> StatedGrasp:
         tip_radius,
         read_plant(block.block("plant")) if "plant" in block.data else None,
         read_region(block.block("region"), grasp.nhat_TB_B) if "region" in block.data else None,
+        _read_placement(block, hand),
     )
+
+
+def _read_placement(block: Block, hand: HandSource | None) -> HandPlacement | None:
+    if "hand" not in block.data:
+        return None
+    if hand is None:
+        raise block.error(f"{block.where}hand says how a hand holds the grasp; the file names none")
+    return read_placement(block.block("hand"), hand)
 
 
 def _read_faces(block: Block) -> tuple[int, int, int]:

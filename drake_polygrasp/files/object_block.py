@@ -21,14 +21,8 @@ def object_document(object_: GraspObject, source: ModelSource, folder: Path) -> 
         source: the model that it was loaded from.
         folder: the grasp file's folder, to which the model's path is made relative.
     """
-    model_file = str(source.model_file)
-    if not model_file.startswith("package://"):
-        # Resolves links in folders only: a model file that is a link keeps its name.
-        model = Path(model_file)
-        absolute = model.parent.resolve() / model.name
-        model_file = Path(os.path.relpath(absolute, folder.resolve())).as_posix()
     document: dict[str, Any] = {
-        "model_file": model_file,
+        "model_file": relative_to(source.model_file, folder),
         "sha256": source.sha256,
         "model_name": source.model_name,
         "body_name": source.body_name,
@@ -45,6 +39,20 @@ def object_document(object_: GraspObject, source: ModelSource, folder: Path) -> 
     document |= {key: float(value) for key, value in asked.items() if value is not None}
     document |= {"links": list(source.links)} if source.links else {}
     return document | ({"joints_free": True} if source.joints_free else {})
+
+
+def relative_to(file: Path | str, folder: Path) -> str:
+    """Returns a path as grasp files state it: relative to their folder, or a package:// URI.
+
+    Args:
+        file: a path or URI.
+        folder: the grasp file's folder.
+    """
+    if str(file).startswith("package://"):
+        return str(file)
+    # Resolves links in folders only: a file that is a link keeps its name.
+    absolute = Path(file).parent.resolve() / Path(file).name
+    return Path(os.path.relpath(absolute, folder.resolve())).as_posix()
 
 
 def read_object(block: Block) -> StatedObject:

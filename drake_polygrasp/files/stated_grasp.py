@@ -10,6 +10,7 @@ from typing import Any
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.exclusion import Exclusion, exclusion
 from drake_polygrasp.grasp import Grasp, ModelSource, PlantRecord, RegionCertificate
+from drake_polygrasp.hand_grasp import HandPlacement, HandSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +146,7 @@ class StatedGrasp:
         plant: stated verdicts of checks in a plant; None where the file states none.
         region: stated errors that the grasp bears, with their proof; None where the file states
             none.
+        hand: how a hand holds the grasp; None where the file states none.
     """
 
     grasp: Grasp
@@ -153,6 +155,7 @@ class StatedGrasp:
     tip_radius: float | None = None
     plant: PlantRecord | None = None
     region: RegionCertificate | None = None
+    hand: HandPlacement | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,6 +168,7 @@ class GraspFile:
         grasps: its grasps, best first.
         plan: the settings of the plan.
         generator: names and versions of the programs that wrote the file.
+        hand: the hand that the grasps are for; None where the file names none.
     """
 
     path: Path
@@ -172,3 +176,4 @@ class GraspFile:
     grasps: tuple[StatedGrasp, ...]
     plan: StatedPlan = field(default_factory=StatedPlan)
     generator: Mapping[str, Any] = field(default_factory=dict)
+    hand: HandSource | None = None

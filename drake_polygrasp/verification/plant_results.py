@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.files.grasp_file import write_document
@@ -35,9 +36,14 @@ def save_plant_results(
     for grasp, report in zip(document["grasps"], reports, strict=True):
         if report is not None:
             grasp["plant"] = plant_document(report)
-    model_file = document["object"]["model_file"]
-    if not is_uri(model_file):
-        # The path is relative to the folder of the grasp file.
-        moved = os.path.relpath(file.parent.resolve() / model_file, output.parent.resolve())
-        document["object"]["model_file"] = Path(moved).as_posix()
+    _move(document["object"], "model_file", file.parent, output.parent)
+    if "hand" in document:
+        _move(document["hand"], "description_file", file.parent, output.parent)
     write_document(output, document)
+
+
+def _move(block: dict[str, Any], key: str, folder: Path, new_folder: Path) -> None:
+    """Makes a path that is relative to the folder of a grasp file relative to another."""
+    if not is_uri(block[key]):
+        moved = os.path.relpath(folder.resolve() / block[key], new_folder.resolve())
+        block[key] = Path(moved).as_posix()
