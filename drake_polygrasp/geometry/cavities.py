@@ -17,7 +17,10 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.shells import connected_components
+from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
+from drake_polygrasp.geometry.triangles import unit_normals
+from drake_polygrasp.vectors import dot, times
 
 _CELLS = 128
 """Cells per diameter L, our choice: with cells of 0.008 L, spheres of radius 0.0135 L, smaller than
@@ -30,6 +33,12 @@ _BEYOND = 0.5
 help to enclose."""
 _AT_ONCE = 64
 """Number of triangles sampled together, our choice: about 100 MB at most."""
+
+_MOST_CONVEX = 3
+"""Number of convex solids that enclose nothing, wherever they are."""
+_MOST_PAIRS = 1_000_000
+"""Number of triangles times vertices of a solid that is looked at for being convex. Our choice:
+about as long as searching the grid takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +76,35 @@ class Cavities:
         found = np.zeros(len(p_BC), dtype=bool)
         found[inside] = self.sealed[tuple(cell[inside].T)]
         return found
+
+
+def enclose_nothing(vertices: Array, corners: Ints, shell: Ints, closed: Bools, L: float) -> bool:
+    """Returns whether a body has no cavity because it is the union of few convex solids.
+
+    A union of convex sets has the homology of its nerve, the complex of which sets meet. That of
+    three sets has no hollow, as four vertices are the fewest that bound a tetrahedron, so what the
+    sets leave of space is connected (Alexander duality). Sets that are widened to close the gaps
+    between them stay convex.
+
+    Args:
+        vertices: shape (V, 3) [m].
+        corners: indices of the corners of triangles, counter-clockwise from outside, shape (T, 3).
+        shell: the shell that each triangle belongs to, shape (T,).
+        closed: whether each shell is closed, shape (S,).
+        L: diameter of the body [m].
+    """
+    if len(closed) > _MOST_CONVEX or not closed.all():
+        return False
+    for k in range(len(closed)):
+        own = corners[shell == k]
+        points = vertices[np.unique(own)]
+        if len(own) * len(points) > _MOST_PAIRS:
+            return False
+        nhat, _ = unit_normals(vertices[own])
+        above = times(points, nhat.T) - dot(vertices[own[:, 0]], nhat)
+        if above.max() > LENGTH_TOLERANCE * L:
+            return False
+    return True
 
 
 def find_cavities(

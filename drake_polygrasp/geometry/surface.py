@@ -15,7 +15,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import ModelError
-from drake_polygrasp.geometry.cavities import Cavities, find_cavities
+from drake_polygrasp.geometry.cavities import Cavities, enclose_nothing, find_cavities
 from drake_polygrasp.geometry.patches import Patch, check_tolerances, curved_triangles, grow_patches
 from drake_polygrasp.geometry.polygons import (
     Polygons,
@@ -104,7 +104,8 @@ def build_polyhedron(
         for own in (True, False)
     )
     cavities = None
-    if not _is_one_solid(mesh):
+    shells = mesh.vertices, mesh.corners, mesh.shell, mesh.closed
+    if not (_is_one_solid(mesh) or enclose_nothing(*shells, L)):
         closed = mesh.closed[mesh.shell]
         cavities = find_cavities(triangles, closed, (*primitives, *covering), L, mesh.own)
     faces: list[Face] = []

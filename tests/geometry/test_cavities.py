@@ -8,16 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from scipy.spatial import ConvexHull
 
-from drake_polygrasp.arrays import Array, Bools
+from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.geometry.cavities import enclose_nothing, find_cavities
 from drake_polygrasp.geometry.polyhedron import Polyhedron, volume_centroid
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.surface import Part, build_polyhedron, curved_part
 from drake_polygrasp.geometry.surface_contact import face_at, fingertip_fits, project_contacts
+from drake_polygrasp.geometry.triangles import diameter, unit_normals
 from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.common import random_rotations, round_body
-from tests.support.convex_polyhedra import prism
+from tests.support.convex_polyhedra import prism, tangent_polyhedron
 from tests.support.solids import object_of
 from tests.support.surface_judge import on_surface
 
@@ -177,3 +180,63 @@ def test_grasps_of_a_box_of_plates_are_on_its_outside() -> None:
             assert on_surface(p, nhat, parts, crate.polyhedron.diameter)
     blind = object_of(replace(crate.polyhedron, cavities=None))
     assert len(erode(blind.polyhedron).face) == len(erode(crate.polyhedron).face)
+
+
+def shells_of(parts: Sequence[Array]) -> tuple[Array, Ints, Ints, Bools]:
+    """Vertices, corners, the shell of each triangle, and which shells are closed."""
+    triangles = np.concatenate(parts)
+    shell = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    corners = np.arange(3 * len(triangles)).reshape(-1, 3)
+    return triangles.reshape(-1, 3), corners, shell, np.ones(len(parts), dtype=bool)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_three_convex_solids_enclose_nothing_as_the_grid_finds_too(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    parts = [
+        tangent_polyhedron(8, 3 * seed + k) @ R.T + 0.05 * rng.normal(size=3)
+        for k, R in enumerate(random_rotations(3, rng))
+    ]
+    L = diameter(np.concatenate(parts).reshape(-1, 3))
+    vertices, corners, shell, closed = shells_of(parts)
+    assert enclose_nothing(vertices, corners, shell, closed, L)
+    triangles = np.concatenate(parts)
+    every = np.ones(len(triangles), dtype=bool)
+    found = find_cavities(triangles, every, (), L, every)
+    if found is not None:  # Cells that the surface cuts off, in which no sphere has room.
+        nhat, _ = unit_normals(triangles)
+        weights = rng.dirichlet(np.ones(3), size=(50, len(triangles)))
+        points = np.einsum("ktc,tcd->ktd", weights, triangles)
+        for p_BC in points:
+            assert not found.sealed_at(p_BC, -nhat).any()
+
+
+def test_four_convex_solids_may_enclose_a_cavity() -> None:
+    corners = 0.05 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    plates_ = []
+    for k in range(4):
+        rim = np.delete(corners, k, axis=0)
+        outward = -corners[k] / np.linalg.norm(corners[k])
+        hull = ConvexHull(np.concatenate([1.3 * rim, 1.3 * rim + 0.01 * outward]))
+        triangles = hull.points[hull.simplices]
+        turned = np.einsum("ti,ti->t", unit_normals(triangles)[0], hull.equations[:, :3]) < 0
+        triangles[turned] = triangles[turned][:, ::-1]
+        plates_.append(triangles)
+    for k in range(4):
+        wall = np.delete(corners, k, axis=0).mean(axis=0)
+        into = wall / np.linalg.norm(wall)
+        assert not facing(plates_, 1.3 * wall, into).any()
+        # Without the plate opposite, the wall is reached.
+        assert facing(
+            [p for j, p in enumerate(plates_) if j != (k + 1) % 4], 1.3 * wall, into
+        ).all()
+
+
+def test_solids_that_are_not_convex_or_not_closed_may_enclose_a_cavity() -> None:
+    notched = prism(shapely.box(0, 0, 0.1, 0.1) - shapely.box(0.04, 0.04, 0.06, 0.1), 0.05)
+    whole = box((0, 0, 0), (0.1, 0.1, 0.1))
+    for parts, expected in (([whole], True), ([whole, notched], False), ([whole] * 4, False)):
+        assert enclose_nothing(*shells_of(parts), 0.2) == expected
+    vertices, corners, shell, closed = shells_of([whole])
+    assert not enclose_nothing(vertices, corners, shell, ~closed, 0.2)
+    assert not enclose_nothing(vertices, corners[:, ::-1], shell, closed, 0.2)  # a hollow
