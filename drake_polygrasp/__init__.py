@@ -26,7 +26,10 @@ from typing import TYPE_CHECKING, Any
 from drake_polygrasp._version import __version__
 
 if TYPE_CHECKING:
+    from drake_polygrasp.batch.rows import BatchRow
+    from drake_polygrasp.batch.run import BatchReport, iter_batch, plan_batch
     from drake_polygrasp.errors import (
+        BatchError,
         GraspFileError,
         HandError,
         ModelError,
@@ -68,6 +71,9 @@ if TYPE_CHECKING:
     from drake_polygrasp.verification.verify import verify_file
 
 __all__ = [
+    "BatchError",
+    "BatchReport",
+    "BatchRow",
     "BetterGrasp",
     "Certificate",
     "CertifiedGrasp",
@@ -99,12 +105,14 @@ __all__ = [
     "epsilon_gap",
     "explain_sets",
     "export_directives",
+    "iter_batch",
     "load_grasps",
     "load_hand",
     "load_object",
     "load_surroundings",
     "object_from_plant",
     "obstacles_from_plant",
+    "plan_batch",
     "plan_grasps",
     "rank_in_plant",
     "save_grasps",
@@ -113,7 +121,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "errors": ("GraspFileError", "HandError", "ModelError", "PolygraspError", "UsageError"),
+    "batch.rows": ("BatchRow",),
+    "batch.run": ("BatchReport", "iter_batch", "plan_batch"),
+    "errors": (
+        *("BatchError", "GraspFileError", "HandError", "ModelError", "PolygraspError"),
+        "UsageError",
+    ),
     "exporters.directives": ("contact_poses", "export_directives"),
     "files.grasp_file": ("load_grasps", "save_grasps"),
     "files.stated_grasp": ("GraspFile",),

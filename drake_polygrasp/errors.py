@@ -18,6 +18,16 @@ class ModelError(PolygraspError):
     """A model, or a mesh that it names, cannot be loaded or is no object to grasp."""
 
 
+class SeveralBodiesError(ModelError):
+    """A model has several bodies to grasp, and none was named.
+
+    Attributes:
+        bodies: names by which each can be asked for.
+    """
+
+    bodies: tuple[str, ...] = ()
+
+
 class MissingPackageError(ModelError):
     """A model names a package whose folder is unknown or missing."""
 
@@ -28,6 +38,10 @@ class GraspFileError(PolygraspError):
 
 class HandError(PolygraspError):
     """A hand's description or model cannot be used for grasps."""
+
+
+class BatchError(PolygraspError):
+    """The results of a batch cannot be kept or read, or what it runs on is lost."""
 
 
 class UsageError(PolygraspError):

@@ -56,8 +56,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     "visualization": {
         *("certification", "files", "geometry", "grasp", "paper", "pipeline", "wrenches"),
     },
+    "batch": {
+        *("files", "geometry", "grasp", "loading", "pipeline", "settings", "verification"),
+    },
     "cli": {
-        *("exporters", "files", "grasp", "loading", "optimality", "paper", "pipeline"),
+        *("batch", "exporters", "files", "grasp", "loading", "optimality", "paper", "pipeline"),
         *("settings", "verification", "visualization"),
     },
 }

@@ -145,6 +145,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "epsilon_gap": {"object_": cube, "plan": plan, "nodes": 10, "progress": None},
         "explain_sets": planned,
         "export_directives": {"file": file, "output": folder / "out.dmd.yaml"},
+        "iter_batch": {"sources": (), "out": folder / "batch"},
         "load_grasps": {"path": file.path},
         "load_hand": {"description": THREE_FINGER, "package_paths": (), "packages": None},
         "load_object": {"model_file": CUBE, "body_name": None, "mu": None, **settings},
@@ -163,6 +164,17 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
             **settings,
         },
         "obstacles_from_plant": {**in_plant, "ignore": (), "reach": None},
+        "plan_batch": {
+            "sources": (),
+            "out": folder / "batch",
+            "executor": None,
+            "workers": None,
+            "timeout": 60.0,
+            "memory": 4 << 30,
+            "shard": (1, 1),
+            "retry": (),
+            "limit": None,
+        },
         "plan_grasps": {**planned, "top": 1, "rank": None, "steps": None, "effort": "quick"},
         "rank_in_plant": {
             "object_": cube,
@@ -208,7 +220,8 @@ def test_whatever_is_wrong_with_an_argument_is_one_line_of_ours(
 ) -> None:
     monkeypatch.chdir(tmp_path)  # "0.5" is a fine name for a file
     call = calls[name]
-    known = set(inspect.signature(call.function).parameters) - {"self"}
+    parameters = inspect.signature(call.function).parameters.values()
+    known = {p.name for p in parameters if p.kind is not p.VAR_KEYWORD} - {"self"}
     assert set(call.arguments) == known, "every argument is swept, and no other"
     call.function(**call.arguments)
     for argument in call.arguments:

@@ -12,6 +12,9 @@
 | show.py | `polygrasp show` |
 | shown_scene.py | loads what `show` displays, from a grasp file or a model, and serves it |
 | export.py | `polygrasp export` |
+| batch.py | `polygrasp batch` |
+| batch_results.py | `polygrasp batch status` and `polygrasp batch export` |
+| batch_table.py | the output of `polygrasp batch` and `polygrasp batch status` |
 | options.py | options that several subcommands share |
 | values.py | parses and validates option values |
 | table.py | columns and lines that several tables share |

@@ -47,6 +47,24 @@ def planning_options(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def load_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Returns the command's options that `load_object` has, by its names.
+
+    Args:
+        arguments: the command's arguments, with those of `add_object_options`.
+    """
+    return {
+        "body_name": arguments.body,
+        "mu": arguments.mu,
+        "package_paths": arguments.package_path,
+        "packages": dict(arguments.packages),
+        "patch_angle": arguments.patch_angle,
+        "patch_depth": arguments.patch_depth,
+        "joints_free": arguments.joints_free,
+        "scale": arguments.scale,
+    }
+
+
 def load_model(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
     """Loads the object that the command's arguments name and prints the loader's warnings.
 
@@ -64,14 +82,7 @@ def load_model(arguments: argparse.Namespace) -> tuple[GraspObject, float]:
         "drake_polygrasp.loading.object_model:load_object",
         arguments.model,
         limits=child_limits(arguments, f"reading {arguments.model}", seconds=READ_SECONDS),
-        body_name=arguments.body,
-        mu=arguments.mu,
-        package_paths=arguments.package_path,
-        packages=dict(arguments.packages),
-        patch_angle=arguments.patch_angle,
-        patch_depth=arguments.patch_depth,
-        joints_free=arguments.joints_free,
-        scale=arguments.scale,
+        **load_options(arguments),
     )
     print_warnings(object_.warnings)
     return object_, seconds

@@ -10,6 +10,12 @@ import io
 import sys
 from collections.abc import Callable, Sequence
 
+from drake_polygrasp.cli.batch import add_batch, run_batch
+from drake_polygrasp.cli.batch_results import (
+    add_batch_results,
+    run_batch_export,
+    run_batch_status,
+)
 from drake_polygrasp.cli.calls import child_limits
 from drake_polygrasp.cli.child_process import READ_SECONDS, call_in_child
 from drake_polygrasp.cli.explain import add_explain, run_explain
@@ -38,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(sys.stdout, io.TextIOWrapper):
             # File names may hold characters that the terminal's encoding lacks.
             sys.stdout.reconfigure(errors="backslashreplace")
-        arguments = make_parser().parse_args(argv)
+        arguments = make_parser().parse_args(_joined(sys.argv[1:] if argv is None else argv))
         return print_result(*_run_command(arguments))
     except PolygraspError as error:
         return print_error(str(error), BAD_INPUT)
@@ -67,7 +73,16 @@ def make_parser() -> argparse.ArgumentParser:
     add_explain(commands)
     add_show(commands)
     add_export(commands)
+    add_batch(commands)
+    add_batch_results(commands)
     return parser
+
+
+def _joined(argv: Sequence[str]) -> list[str]:
+    """Returns the arguments with a subcommand of two words as one."""
+    words = list(argv)
+    pair = " ".join(words[:2])
+    return [pair, *words[2:]] if pair in COMMANDS else words
 
 
 def _run_command(arguments: argparse.Namespace) -> tuple[int, str]:
@@ -91,8 +106,11 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[int, str]]] = {
     "explain": run_explain,
     "show": run_show,
     "export": run_export,
+    "batch": run_batch,
+    "batch status": run_batch_status,
+    "batch export": run_batch_export,
 }
 """What runs each subcommand: takes its arguments, returns its exit code and what to print."""
-_HERE = {"show", "export"}
-"""Subcommands that run in this process: `show` serves until Ctrl-C, and `export` has Drake read no
-model."""
+_HERE = {"show", "export", "batch", "batch status", "batch export"}
+"""Subcommands that run in this process: `show` serves until Ctrl-C, `batch` has children of its
+own, and the others have Drake read no model."""

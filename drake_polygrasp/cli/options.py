@@ -110,6 +110,15 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         metavar="MODEL",
         help="a model that Drake reads: .sdf, .urdf, .xml (MJCF), .dmd.yaml or .obj",
     )
+    add_planning_options(parser)
+
+
+def add_planning_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options of loading an object and planning on it, without the model's name.
+
+    Args:
+        parser: the subcommand's parser.
+    """
     parser.add_argument(
         "--body",
         metavar="NAME",

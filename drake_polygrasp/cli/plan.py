@@ -34,6 +34,32 @@ def add_plan(commands: Any) -> None:
         commands, "plan", "Plan grasps of a model, prove each one and write them to a grasp file."
     )
     add_object_options(parser)
+    add_choice_options(parser)
+    parser.add_argument(
+        "--gap",
+        metavar="NODES",
+        nargs="?",
+        type=read_count,
+        const=0,
+        help="also report how close the best grasp is to the optimum, by branch and bound over "
+        "this many nodes (default: 100000, about a minute); for objects with planar faces only",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        type=Path,
+        help="grasp file to write (default: MODEL's name with .grasp.yaml in the current folder)",
+    )
+    add_common_options(parser)
+
+
+def add_choice_options(parser: argparse.ArgumentParser) -> None:
+    """Adds the options that say how many grasps are wanted and how they are chosen.
+
+    Args:
+        parser: the subcommand's parser.
+    """
     parser.add_argument(
         "--top",
         metavar="K",
@@ -56,28 +82,11 @@ def add_plan(commands: Any) -> None:
         "many grasps are found (default: full)",
     )
     parser.add_argument(
-        "--gap",
-        metavar="NODES",
-        nargs="?",
-        type=read_count,
-        const=0,
-        help="also report how close the best grasp is to the optimum, by branch and bound over "
-        "this many nodes (default: 100000, about a minute); for objects with planar faces only",
-    )
-    parser.add_argument(
         "--plant",
         action="store_true",
         help="also check grasps in a MultibodyPlant, best first, until K of them hold or 2 K were "
         "checked; those that fail are written after those that hold, all with their verdicts",
     )
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="FILE",
-        type=Path,
-        help="grasp file to write (default: MODEL's name with .grasp.yaml in the current folder)",
-    )
-    add_common_options(parser)
 
 
 def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:

@@ -57,7 +57,15 @@ class ProgressLine:
             done: how many units are done.
             total: how many there are.
         """
-        self._count = f" {done:,} of {total:,} {self._unit},"
+        self.show(f"{done:,} of {total:,} {self._unit}")
+
+    def show(self, count: str) -> None:
+        """Sets what is shown to be done, and refreshes the line if it is due.
+
+        Args:
+            count: how much is done, in words.
+        """
+        self._count = f" {count},"
         self.refresh()
 
     def refresh(self) -> None:

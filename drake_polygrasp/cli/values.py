@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 
+from drake_polygrasp.batch.rows import STATUSES
 from drake_polygrasp.loading.model_checks import MAX_FRICTION, MAX_SCALE
 
+_MAX_SECONDS = 7 * 86_400.0
+"""Greatest time for an object [s]. Our choice: beyond a week, it is a typing error."""
+_UNITS = {"MB": 10**6, "MiB": 2**20, "GB": 10**9, "GiB": 2**30}
 _MAX_LENGTH = 1000.0
 """Greatest clearance or radius accepted [m]. Our choice: beyond it, a value is a typing error."""
 
@@ -127,6 +132,70 @@ def read_count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")
     return int(text)
+
+
+def read_seconds(text: str) -> float:
+    """Returns a time above 0, at most a week.
+
+    Args:
+        text: the option's value [s].
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
+    seconds = _read_number(text, _MAX_SECONDS)
+    if seconds == 0:
+        raise argparse.ArgumentTypeError("nothing is done in no time; give more than 0")
+    return seconds
+
+
+def read_memory(text: str) -> int:
+    """Returns a number of bytes, 256 MiB or more.
+
+    Args:
+        text: the option's value: a number with MB, MiB, GB or GiB.
+
+    Raises:
+        ArgumentTypeError: when it has another form or is less.
+    """
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) *(MB|MiB|GB|GiB)", text)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 4GiB or 500MB")
+    size = int(float(match[1]) * _UNITS[match[2]])
+    if size < 256 << 20:
+        raise argparse.ArgumentTypeError(f"{text!r} is less than Drake needs; give 256MiB or more")
+    return size
+
+
+def read_shard(text: str) -> tuple[int, int]:
+    """Returns the number of a shard, from 1, and the number of shards.
+
+    Args:
+        text: the option's value: I/N.
+
+    Raises:
+        ArgumentTypeError: when it has another form.
+    """
+    match = re.fullmatch(r"([0-9]+)/([0-9]+)", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise argparse.ArgumentTypeError(f"{text!r} is not I/N, with I from 1 to N")
+    return int(match[1]), int(match[2])
+
+
+def read_statuses(text: str) -> tuple[str, ...]:
+    """Returns statuses of results without grasps.
+
+    Args:
+        text: the option's value: statuses separated by commas.
+
+    Raises:
+        ArgumentTypeError: when one is no such status.
+    """
+    statuses = tuple(text.split(","))
+    for status in statuses:
+        if status not in STATUSES[1:]:
+            raise argparse.ArgumentTypeError(f"{status!r} is none of {', '.join(STATUSES[1:])}")
+    return statuses
 
 
 def read_component(text: str) -> float:

@@ -80,6 +80,30 @@ def save_grasps(
             several hands, or `path` cannot be written.
     """
     path = Path(check_path("path", path))
+    _write_whole(path, grasp_file_text(path.parent, object_, grasps, plan_settings, path))
+
+
+def grasp_file_text(
+    folder: Path,
+    object_: GraspObject,
+    grasps: Iterable[CertifiedGrasp | StatedGrasp | HandGrasp],
+    plan_settings: PlanSettings | StatedPlan,
+    path: Path | None = None,
+) -> str:
+    """Returns the text of a grasp file; the same arguments give the same text.
+
+    Args:
+        folder: the folder that it will be in, to which the model's path is made relative.
+        object_: the object that is grasped, loaded from a model file.
+        grasps: its grasps, best first.
+        plan_settings: the settings of the plan.
+        path: what messages call the file (default: the folder).
+
+    Raises:
+        UsageError: when an argument has the wrong type.
+        GraspFileError: when `object_` came from no file, a number is not finite, or the grasps are
+            of several hands.
+    """
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     if not isinstance(plan_settings, PlanSettings | StatedPlan):
         raise refuse("plan_settings", plan_settings, "a PlanSettings, such as plan.settings")
@@ -90,20 +114,20 @@ def save_grasps(
             raise refuse(f"grasps[{i}]", grasp, "a CertifiedGrasp, as plan.grasps holds them")
     if object_.source is None:
         raise GraspFileError(
-            f"{path}: a grasp file names its model, and this object came from no file; give "
-            "object_from_plant the body's model_file"
+            f"{path or folder}: a grasp file names its model, and this object came from no file; "
+            "give object_from_plant the body's model_file"
         )
     placements = [held for grasp in grasps if (held := _placement(grasp)) is not None]
     document = {
         "format": FORMAT,
         "version": _VERSION,
         "generator": {"drake_polygrasp": __version__, "drake": drake_version()},
-        "object": object_document(object_, object_.source, path.parent),
+        "object": object_document(object_, object_.source, folder),
         "plan": _plain(plan_settings.stated),
-        **({"hand": hand_document(placements, path.parent)} if placements else {}),
+        **({"hand": hand_document(placements, folder)} if placements else {}),
         "grasps": [grasp_document(grasp) for grasp in grasps],
     }
-    write_document(path, document)
+    return _document_text(document)
 
 
 def write_document(path: Path, document: Mapping[str, Any]) -> None:
@@ -114,8 +138,12 @@ def write_document(path: Path, document: Mapping[str, Any]) -> None:
         document: its keys and values, in order; GraspFileError for a number that is not finite, or
             when `path` cannot be written.
     """
+    _write_whole(path, _document_text(document))
+
+
+def _document_text(document: Mapping[str, Any]) -> str:
     plain = _plain(document)
-    text = yaml.dump(
+    text: str = yaml.dump(
         plain,
         Dumper=_dumper(plain),
         sort_keys=False,
@@ -123,7 +151,7 @@ def write_document(path: Path, document: Mapping[str, Any]) -> None:
         allow_unicode=True,
         width=10**6,
     )
-    _write_whole(path, text)
+    return text
 
 
 def _dumper(document: Mapping[str, Any]) -> Any:

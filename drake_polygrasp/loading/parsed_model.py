@@ -15,7 +15,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import CalcSpatialInertia, RigidBody, SpatialInertia
 from pydrake.systems.framework import Context
 
-from drake_polygrasp.errors import ModelError, PolygraspError
+from drake_polygrasp.errors import ModelError, PolygraspError, SeveralBodiesError
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 from drake_polygrasp.loading.drake_messages import collect_drake_log, drake_reason
 from drake_polygrasp.loading.mesh_file import check_mesh_file
@@ -209,14 +209,14 @@ def _choose_body(
     if name is not None:
         named = [body for body in bodies if name in (body.name(), str(body.scoped_name()))]
         if not named:
-            raise ModelError(f"no body '{name}' in {model_file}; it has {_names(bodies)}")
+            raise ModelError(f"no body '{name}' in {model_file}; it has {_quoted(bodies)}")
         bodies = named
         groups = [group for group in groups if any(body in group for body in named)]
     solid = [group for group in groups if any(_is_solid(plant, body) for body in group)]
     if not solid:
         ignored = [warning for warning in warnings if "ignor" in warning.lower()]
         raise ModelError(
-            f"{model_file}: no collision geometry on {_names(bodies) or 'any body'}; "
+            f"{model_file}: no collision geometry on {_quoted(bodies) or 'any body'}; "
             "a grasp needs a surface to touch"
             + (f"; Drake says: {drake_reason(ignored[0], model_file)}" if ignored else "")
         )
@@ -226,10 +226,12 @@ def _choose_body(
     elif len(chosen) > 1:
         chosen = [body for body in chosen if _is_solid(plant, body)] or chosen
     if len(chosen) > 1:
-        raise ModelError(
-            f"{model_file} has several bodies to grasp: {_names(chosen)}; "
+        several = SeveralBodiesError(
+            f"{model_file} has several bodies to grasp: {_quoted(chosen)}; "
             "name one of them (body_name, --body)"
         )
+        several.bodies = tuple(_names(chosen))
+        raise several
     return chosen[0]
 
 
@@ -237,8 +239,12 @@ def _is_solid(plant: MultibodyPlant, body: RigidBody) -> bool:
     return bool(plant.GetCollisionGeometriesForBody(body))
 
 
-def _names(bodies: list[RigidBody]) -> str:
-    """Returns names, quoted, with the model's where bodies' names alone are not unique."""
+def _names(bodies: list[RigidBody]) -> list[str]:
+    """Returns names of bodies, with the model's where their names alone are not unique."""
     short = [body.name() for body in bodies]
     unique = len(set(short)) == len(short)
-    return ", ".join(f"'{body.name() if unique else body.scoped_name()}'" for body in bodies)
+    return [body.name() if unique else str(body.scoped_name()) for body in bodies]
+
+
+def _quoted(bodies: list[RigidBody]) -> str:
+    return ", ".join(f"'{name}'" for name in _names(bodies))

@@ -1,0 +1,154 @@
+"""Children end badly in every way, and every task has its outcome."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import deque
+from pathlib import Path
+
+import pytest
+
+from drake_polygrasp.batch.supervisor import (
+    MAX_ATTEMPTS,
+    ChildTask,
+    Supervisor,
+    TaskLimits,
+    TaskOutcome,
+)
+from drake_polygrasp.errors import BatchError
+
+WORKER = "tests.support.batch_workers:misbehave"
+LIMITS = TaskLimits(seconds=2.0, memory=512 << 20)
+
+
+def run(
+    *whats: str, slots: int = 2, limits: TaskLimits = LIMITS, log: str = ""
+) -> list[TaskOutcome]:
+    """The outcomes of tasks, in the tasks' order."""
+    tasks = deque(
+        ChildTask(str(i), {"what": what, "value": i, "log": log}) for i, what in enumerate(whats)
+    )
+    with Supervisor(WORKER, slots, limits) as supervisor:
+        outcomes = supervisor.run(lambda: tasks.popleft() if tasks else None, lambda: False)
+        return sorted(outcomes, key=lambda outcome: int(outcome.task.name))
+
+
+def test_each_bad_end_is_told_apart_and_harms_no_other_task() -> None:
+    bad = {
+        "abort": ("crash", -signal.SIGABRT, "Drake crashed (SIGABRT): terminate called after"),
+        "leave": ("crash", 0, "the process ended without a result"),
+        "hang": ("timeout", -signal.SIGKILL, "stopped after 2 s"),
+        "spin": ("timeout", -signal.SIGKILL, "stopped after 2 s"),
+        "hog": ("out_of_memory", None, "runs out of memory (0.5 GiB at most)"),
+        "grow": ("out_of_memory", None, "runs out of memory (0.5 GiB at most)"),
+        "raise": ("error", None, "ValueError: on two lines"),
+        "exit": ("error", None, "SystemExit: goodbye"),
+        "unprintable": ("error", None, "TypeError: "),
+    }
+    whats = [what for one in bad for what in ("good", one, "good")]
+    for what, outcome in zip(whats, run(*whats), strict=True):
+        assert outcome.attempts == 1
+        if what == "good":
+            assert outcome.ending == "answered", outcome
+            assert outcome.value["value"] == 2 * int(outcome.task.name)
+        else:
+            ending, code, reason = bad[what]
+            assert outcome.ending == ending, (what, outcome)
+            # The system may refuse memory or the supervisor may see that it is too much.
+            assert outcome.return_code == code or what in ("hog", "grow")
+            assert outcome.reason.startswith(reason), (what, outcome.reason)
+
+
+def test_a_child_is_warm_and_has_one_thread() -> None:
+    outcomes = run(*["good"] * 6, slots=1)
+    assert len({outcome.value["pid"] for outcome in outcomes}) == 1
+    assert {outcome.value["threads"] for outcome in outcomes} == {"1"}
+    assert all(outcome.peak_bytes > 1 << 20 for outcome in outcomes)
+
+
+def test_what_a_child_prints_and_reads_does_not_reach_the_pipes() -> None:
+    outcomes = run("junk", "good", "junk", "good", slots=1)
+    assert [outcome.value["value"] for outcome in outcomes] == [0, 2, 4, 6]
+
+
+def test_a_task_whose_child_is_killed_from_outside_is_started_again(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    once, always = run("killed_once", "killed", log=str(log))
+    assert (once.ending, once.attempts) == ("answered", 2)
+    assert (always.ending, always.attempts) == ("crash", MAX_ATTEMPTS)
+    assert always.return_code == -signal.SIGKILL
+    assert f"killed from outside {MAX_ATTEMPTS} times (SIGKILL)" in always.reason
+    started = [line.split()[0] for line in log.read_text().splitlines()]
+    assert started.count("killed_once") == 2
+    assert started.count("killed") == MAX_ATTEMPTS
+
+
+def test_a_function_that_cannot_be_imported_is_one_line() -> None:
+    tasks = [ChildTask("", {})]
+    with (
+        Supervisor("tests.support.nowhere:nothing", 1, LIMITS) as supervisor,
+        pytest.raises(BatchError, match=r"cannot start: ModuleNotFoundError: .*nowhere") as caught,
+    ):
+        list(supervisor.run(lambda: tasks.pop() if tasks else None, lambda: False))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_stop_lets_tasks_in_flight_finish_and_starts_no_others() -> None:
+    tasks = deque(ChildTask(str(i), {"what": "good", "value": i}) for i in range(100))
+    asked: list[bool] = []
+    with Supervisor(WORKER, 2, LIMITS) as supervisor:
+        outcomes = []
+        for outcome in supervisor.run(lambda: tasks.popleft(), lambda: bool(asked)):
+            outcomes.append(outcome)
+            asked.append(True)
+    assert {outcome.ending for outcome in outcomes} == {"answered"}
+    assert len(outcomes) + len(tasks) == 100
+    assert len(outcomes) <= 3
+
+
+def test_a_slow_caller_does_not_take_time_from_tasks() -> None:
+    tasks = deque(ChildTask(str(i), {"what": "good", "value": i}) for i in range(4))
+    with Supervisor(WORKER, 2, TaskLimits(1.5, LIMITS.memory)) as supervisor:
+        endings = []
+        for outcome in supervisor.run(lambda: tasks.popleft() if tasks else None, lambda: False):
+            endings.append(outcome.ending)
+            time.sleep(2.0)
+    assert endings == ["answered"] * 4
+
+
+def test_no_child_outlives_a_parent_that_is_killed(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    code = (
+        "from tests.batch.test_supervisor import run\n"
+        f"run('hang', 'spin', limits=__import__('drake_polygrasp.batch.supervisor', fromlist=['x'])"
+        f".TaskLimits(100.0), log={str(log)!r})"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], cwd=Path(__file__).parents[2])
+    deadline = time.monotonic() + 60
+    while not log.exists() or len(log.read_text().splitlines()) < 2:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    children = [int(line.split()[2]) for line in log.read_text().splitlines()]
+    parent.kill()
+    parent.wait()
+    deadline = time.monotonic() + 2.0  # What a user is promised.
+    while any(map(is_alive, children)) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not any(map(is_alive, children))
+
+
+def is_alive(process: int) -> bool:
+    """Whether a process runs; a dead one that nobody has waited for does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        pass
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return not Path("/proc").is_dir()
