@@ -44,7 +44,8 @@ MAY_IMPORT: dict[str, set[str]] = {
         *("search", "wrenches"),
     },
     "verification": {
-        *("certification", "files", "geometry", "grasp", "loading", "plant", "wrenches"),
+        *("certification", "files", "geometry", "grasp", "hand_grasp", "hands", "loading"),
+        *("plant", "wrenches"),
     },
     "pipeline": {
         *("certification", "geometry", "grasp", "loading", "paper", "plant", "search", "settings"),

@@ -27,13 +27,13 @@ def add_verify(commands: Any) -> None:
         commands,
         "verify",
         "Check a grasp file without changing it: prove its FORCES, compare its SURFACE with the "
-        "model, recompute its NUMBERS.",
+        "model, recompute its NUMBERS, and pose its HAND, if it has one.",
     )
     parser.add_argument("file", metavar="FILE", type=Path, help="a grasp file")
     parser.add_argument(
         "--require-model",
         action="store_true",
-        help="fail when the model is missing (default: warn, and check the rest)",
+        help="fail when a model is missing (default: warn, and check the rest)",
     )
     parser.add_argument(
         "--plant",
@@ -101,10 +101,10 @@ def run_verify(arguments: argparse.Namespace) -> tuple[int, str]:
     )
     print_warnings(report.warnings)
     holds = report.holds
-    if arguments.require_model and not report.model_checked:
+    if arguments.require_model and not (report.model_checked and report.hand_checked):
         holds = False
         print_error(
-            f"{arguments.file}: --require-model is given, but the model was not found", FAILED
+            f"{arguments.file}: --require-model is given, but a model was not found", FAILED
         )
     if arguments.plant and not report.plant_checked:
         holds = False

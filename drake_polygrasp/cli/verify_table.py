@@ -69,8 +69,14 @@ def verify_table(report: VerificationReport) -> str:
         report: what verification found.
     """
     in_plant = _plant_column(report)
+    names = ["FORCES", "SURFACE", "NUMBERS"]
+    names += ["HAND"] if any(grasp.hand for grasp in report.grasps) else []
     rows = [
-        (str(rank), *(str(line.status) for line in grasp.lines.values()), *cell)
+        (
+            str(rank),
+            *(str(grasp.lines[name].status) if name in grasp.lines else "-" for name in names),
+            *cell,
+        )
         for rank, (grasp, cell) in enumerate(zip(report.grasps, in_plant[1:], strict=True), start=1)
     ]
     remarks = [
@@ -82,11 +88,12 @@ def verify_table(report: VerificationReport) -> str:
     summary = "something does not hold" if report.holds is False else "all that was checked holds"
     if report.holds is None:
         summary += "" if report.model_checked else "; SURFACE was not checked"
+        summary += "" if report.hand_checked else "; HAND was not checked"
         summary += "" if report.plant_decided else "; some grasps are undecided in the plant"
     return "\n".join(
         [
             f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",
-            *align_columns([("rank", "FORCES", "SURFACE", "NUMBERS", *in_plant[0]), *rows]),
+            *align_columns([("rank", *names, *in_plant[0]), *rows]),
             *remarks,
             *_plant_lines(report),
             summary if rows else "the file holds no grasp",

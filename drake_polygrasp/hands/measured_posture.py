@@ -13,6 +13,9 @@ from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.hand_grasp import pose_of
 from drake_polygrasp.hands.scene import FAR, Fingers, HandScene
 
+TIP_OVERLAP = 5e-4
+"""How deep a tip's geometry may be in the object, beyond its misfit [m]. Our choice."""
+
 
 @dataclass(frozen=True, eq=False)
 class Posture:

@@ -15,7 +15,12 @@ from pydrake.solvers import SnoptSolver, SolverOptions
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.hand_grasp import HandRefusal
-from drake_polygrasp.hands.measured_posture import Posture, measure_posture, tip_places
+from drake_polygrasp.hands.measured_posture import (
+    TIP_OVERLAP,
+    Posture,
+    measure_posture,
+    tip_places,
+)
 from drake_polygrasp.hands.scene import HandScene, Pairs
 from drake_polygrasp.hands.starts import Start
 
@@ -31,8 +36,6 @@ MAX_TIP_ERROR = 3e-4
 """Greatest distance of a tip from its place with which a posture is accepted [m]. Our choice."""
 LINK_GAP = 3e-4
 """Distance from the object at which the solver keeps the links of used tips [m]. Our choice."""
-TIP_OVERLAP = 5e-4
-"""How deep a tip's geometry may be in the object, beyond its misfit [m]. Our choice."""
 HOPELESS_OVERLAP = 0.03
 """Where every start overlaps by more than this, no posture is searched [m]. Our choice."""
 _LIMIT_SLACK = 1e-4

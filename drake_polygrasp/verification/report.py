@@ -1,4 +1,4 @@
-"""The results of a verification as values: three checks for each grasp."""
+"""The results of a verification as values: three checks for each grasp, four with a hand."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class CheckResult:
 
 @dataclass(frozen=True)
 class GraspVerification:
-    """The three checks of one grasp, and its verdicts in a plant.
+    """The checks of one grasp, and its verdicts in a plant.
 
     Attributes:
         forces: whether the internal force proves force closure.
@@ -49,6 +49,7 @@ class GraspVerification:
         numbers: whether the certificate's numbers are at most as favourable as recomputed ones.
         plant: verdicts of a plant; None if it was not asked for or a check failed.
         stated_plant: verdicts of a plant that the file states, which are not checked.
+        hand: whether a hand holds the grasp as stated; None if the file states no hand for it.
     """
 
     forces: CheckResult
@@ -56,11 +57,13 @@ class GraspVerification:
     numbers: CheckResult
     plant: PlantReport | None = None
     stated_plant: PlantRecord | None = None
+    hand: CheckResult | None = None
 
     @property
     def lines(self) -> dict[str, CheckResult]:
-        """The checks by their printed names: FORCES, SURFACE, NUMBERS."""
-        return {"FORCES": self.forces, "SURFACE": self.surface, "NUMBERS": self.numbers}
+        """The checks by their printed names: FORCES, SURFACE, NUMBERS, and HAND if there is one."""
+        lines = {"FORCES": self.forces, "SURFACE": self.surface, "NUMBERS": self.numbers}
+        return lines if self.hand is None else lines | {"HAND": self.hand}
 
 
 @dataclass(frozen=True)
@@ -86,15 +89,23 @@ class VerificationReport:
     def holds(self) -> bool | None:
         """True if there are grasps and all checks of all of them hold.
 
-        False if there are no grasps or a check fails. None if no check fails, but the model was not
-        found, or a plant leaves a grasp undecided.
+        False if there are no grasps or a check fails. None if no check fails, but the model of the
+        object or of the hand was not found, or a plant leaves a grasp undecided.
         """
         lines = [line for grasp in self.grasps for line in grasp.lines.values()]
         plants = {grasp.plant.verdict for grasp in self.grasps if grasp.plant is not None}
         failed = any(line.status is Status.FAILED for line in lines)
         if not lines or failed or Verdict.FAILS in plants:
             return False
-        return True if self.model_checked and Verdict.UNDECIDED not in plants else None
+        if not self.hand_checked or Verdict.UNDECIDED in plants:
+            return None
+        return True if self.model_checked else None
+
+    @property
+    def hand_checked(self) -> bool:
+        """Whether the model of the hand was found, if the file states one."""
+        hands = [grasp.hand for grasp in self.grasps if grasp.hand is not None]
+        return all(line.status is not Status.NOT_CHECKED for line in hands)
 
     @property
     def plant_checked(self) -> bool:

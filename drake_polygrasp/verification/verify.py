@@ -8,7 +8,7 @@ favourable than the recomputed one is rejected.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -79,6 +79,8 @@ def verify_file(
 
     For each grasp, FORCES proves force closure in exact arithmetic, SURFACE compares contacts,
     normals and friction with the model that the file names, and NUMBERS recomputes the certificate.
+    Where the file states how a hand holds a grasp, HAND poses the hand's model and computes tips,
+    clearance, torques and the way again.
 
         report = verify_file("box.grasp.yaml")
         if not report.holds:
@@ -98,7 +100,7 @@ def verify_file(
 
     Returns:
         The results. `holds` is True if all checks hold, False if one fails, and None if none fails
-        but the model was not found or a plant leaves a grasp undecided.
+        but a model was not found or a plant leaves a grasp undecided.
 
     Raises:
         UsageError: when an argument has the wrong type, or there is a scene, or misses, without
@@ -120,12 +122,16 @@ def verify_file(
         raise UsageError("misses are simulated in the plant: add plant=True")
     file = load_grasps(path)
     model, avoided = _find_model(file, package_paths, packages), file.plan.exclusion
+    check_hand = _hand_check(file, model, package_paths, packages)
     # A file may state numbers of any size; every comparison below fails if one overflows.
     with np.errstate(all="ignore"):
         grasps: list[GraspVerification] = []
         for stated in file.grasps:
             tell(len(grasps), len(file.grasps))
-            grasps.append(_verify_grasp(stated, file.object_, model, avoided))
+            checked = _verify_grasp(stated, file.object_, model, avoided)
+            if stated.hand is not None:
+                checked = replace(checked, hand=check_hand(stated))
+            grasps.append(checked)
     if plant and model.object_ is not None:
         around = _surroundings(scene, model.object_, file, package_paths, packages)
         for i, stated in enumerate(file.grasps):
@@ -136,6 +142,22 @@ def verify_file(
     return VerificationReport(
         file.path, tuple(grasps), model.line.status is not Status.NOT_CHECKED, model.warnings
     )
+
+
+def _hand_check(
+    file: GraspFile,
+    model: _Model,
+    package_paths: Sequence[Path | str],
+    packages: Mapping[str, str | Path] | None,
+) -> Callable[[StatedGrasp], CheckResult]:
+    """Returns the check of how the file's hand holds a grasp."""
+    if file.hand is None or model.object_ is None:
+        reason = "the object's model is not there, or not as stated"
+        return lambda _: CheckResult(Status.NOT_CHECKED, reason)
+    # Kinematics and solvers are loaded only for files with a hand.
+    from drake_polygrasp.verification.hand import HandCheck
+
+    return HandCheck(file.hand, model.object_, package_paths, packages).check
 
 
 def _verify_grasp(
