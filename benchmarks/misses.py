@@ -6,9 +6,10 @@
 
 The best grasp of each object (default: our models) is planned in several ways:
 
-    default    as the planner does it unasked
-    clearance  with contacts at least as far from edges as fingertips may miss
+    exact      for no errors: the greatest epsilon
+    clearance  the same, with contacts at least as far from edges as fingertips may miss
     errors     for the errors that are drawn: so far from edges, with the friction that is left
+    default    as the planner does it unasked, for its default errors
 
 Of a grasp file, the first grasp is judged as it stands. With `--stated`, grasps that state what
 they bear are judged by that: all of their trials must hold.
@@ -52,6 +53,7 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.files.stated_grasp import GraspFile, StatedGrasp
 from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.loading.packages import find_packages
+from drake_polygrasp.settings import NO_ERRORS
 from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
 from tests.support.convex_polyhedra import (
     boxes,
@@ -65,7 +67,7 @@ from tests.support.solids import solid
 
 FRICTIONS = (0.3, 0.5, 0.2, 0.8)
 SHARE_OF_L, TILT, FRICTION, COM = 0.02, 0.0873, 0.2, 0.05
-PLANS = ("default", "clearance", "errors")
+PLANS = ("exact", "clearance", "errors", "default")
 WORST = 3
 _ROW = "{:<34}{:>6}{:>8}  {:<10}{:>8}{:>8}{:>10}{:>9}{:>9}"
 HEADER = _ROW.format("object", "faces", "r [mm]", "plan", "P", "off", "planned", "mean", "5 %")
@@ -127,7 +129,8 @@ def _options(plan: str, errors: Errors) -> dict[str, Any]:
             "friction_error": errors.friction,
             "com_error": errors.com,
         }
-    return {"edge_clearance": placement} if plan == "clearance" else {}
+    exact = {} if plan == "default" else NO_ERRORS
+    return exact | ({"edge_clearance": placement} if plan == "clearance" else {})
 
 
 def surface_of(object_: GraspObject) -> Surface:

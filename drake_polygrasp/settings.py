@@ -6,8 +6,9 @@ an option of the command of the same name.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from operator import index
 from typing import Any, Literal, TypeAlias, cast, get_args
 
@@ -30,16 +31,33 @@ from drake_polygrasp.geometry.exclusion import (
     unit_direction,
 )
 from drake_polygrasp.geometry.obstacles import Obstacles
-from drake_polygrasp.geometry.regions import CLEARANCE_OF_INRADIUS, DEFAULT_CLEARANCE
+from drake_polygrasp.geometry.regions import (
+    CLEARANCE_OF_INRADIUS,
+    DEFAULT_CLEARANCE,
+    ERROR_OF_INRADIUS,
+    PLACEMENT_ERROR,
+)
 
 Method = Literal["enriched", "paper"]
 """The paper as it is read here, or the paper and the search beyond it."""
 Rank = Literal["epsilon", "margin", "Q"]
 EffortName = Literal["full", "quick", "complete"]
+_HALVINGS = 5
+"""Our choice: how often default errors are halved before they are left out."""
 Directions: TypeAlias = tuple[tuple[float, float, float], ...]
 MAX_TILT_ERROR = 1.5
 """Our choice [rad]: the greatest tilt that may be asked for; no usual friction is left of it."""
 ERROR_NAMES = ("placement_error", "tilt_error", "friction_error", "com_error")
+NO_ERRORS: dict[str, Any] = dict.fromkeys(ERROR_NAMES, 0.0)
+"""Arguments of `plan_grasps` for exact hands and models: grasps of the greatest epsilon."""
+TILT_ERROR = math.radians(5.0)
+"""Our choice [rad]: by how much normals of fingertips and of models typically differ."""
+FRICTION_ERROR = 0.2
+"""Our choice: share by which friction coefficients are typically too high."""
+COM_ERROR = 0.02
+"""Our choice: over the object's diameter L, how far the centre of mass is typically off."""
+LEAST_FRICTION_LEFT = 1 / 3
+"""Our choice: share of the friction coefficient that default errors leave to plan with."""
 TIP_RADIUS = 0.02
 """Our choice: the default fingertip radius over the object's diameter L."""
 
@@ -82,7 +100,8 @@ class PlanOptions:
             [m].
         tilt_error: by how much the true normal at a contact may tilt [rad], 0 to 1.5.
         friction_error: share by which friction coefficients may be too high, 0 to below 1.
-        com_error: by how much the centre of mass may be off, in any direction [m].
+        com_error: by how much the centre of mass may be off, in any direction [m]. Each error is
+            None for a default by the object: `PlanOptions.resolve` says which.
 
     Raises:
         UsageError: when an option is not what it may be for any object.
@@ -98,10 +117,10 @@ class PlanOptions:
     obstacles: Obstacles | None = None
     steps: Steps | None = None
     effort: EffortName = "full"
-    placement_error: float = 0.0
-    tilt_error: float = 0.0
-    friction_error: float = 0.0
-    com_error: float = 0.0
+    placement_error: float | None = None
+    tilt_error: float | None = None
+    friction_error: float | None = None
+    com_error: float | None = None
 
     def __post_init__(self) -> None:
         check_choice("method", self.method, get_args(Method))
@@ -113,8 +132,10 @@ class PlanOptions:
             if (length := getattr(self, name)) is not None:
                 self._keep(name, check_length(name, length))
         asked = {name: getattr(self, name) for name in ERROR_NAMES}
-        for name, error in check_errors(**asked).items():
-            self._keep(name, error)
+        given = {name: error for name, error in asked.items() if error is not None}
+        checked = check_errors(**NO_ERRORS | given)
+        for name in given:
+            self._keep(name, checked[name])
         directions = check_items("avoid_directions", self.avoid_directions)
         self._keep("avoid_directions", tuple(unit_direction(d) for d in directions))
         indices = enumerate(check_items("exclude_faces", self.exclude_faces))
@@ -135,18 +156,43 @@ class PlanOptions:
     def _keep(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 
-    def resolve(self, L: float) -> PlanSettings:
-        """Chooses what is not asked for by the size of an object.
+    @property
+    def default_errors(self) -> tuple[str, ...]:
+        """Names of the errors that have their default above 0; the method "paper" has none."""
+        if self.method == "paper":
+            return ()
+        return tuple(name for name in ERROR_NAMES if getattr(self, name) is None)
+
+    @property
+    def without_default_errors(self) -> PlanOptions:
+        """The same options, with errors only where they are given."""
+        none: dict[str, Any] = dict.fromkeys(self.default_errors, 0.0)
+        return replace(self, **none)
+
+    def resolve(self, L: float, mu: float) -> PlanSettings:
+        """Chooses what is not asked for by the size of an object and its friction.
+
+        Errors of the method "paper" are 0 unless they are given. Else those of placement and of the
+        centre of mass are 0.02 L, tilt is 5 degrees and the error of friction 0.2, these two halved
+        together until a third of the friction is left to plan with.
 
         Args:
             L: the diameter of the object's surface [m].
+            mu: the greatest friction coefficient of its faces.
 
         Returns:
             The settings of a plan on that object.
         """
+        errors: dict[str, Any] = {name: getattr(self, name) or 0.0 for name in ERROR_NAMES}
+        defaults = self.default_errors
+        if defaults:
+            typical = PLACEMENT_ERROR * L, TILT_ERROR, FRICTION_ERROR, COM_ERROR * L
+            errors |= {n: e for n, e in zip(ERROR_NAMES, typical, strict=True) if n in defaults}
+            errors |= _with_friction_left(errors, mu, defaults)
+        own_share = "placement_error" in defaults
         clearance = self.edge_clearance
-        if clearance is not None:
-            clearance = max(clearance, self.placement_error)
+        if clearance is not None and not own_share:
+            clearance = max(clearance, errors["placement_error"])
         # What __post_init__ made of all that it takes.
         directions = cast(Directions, self.avoid_directions)
         return PlanSettings(
@@ -154,10 +200,8 @@ class PlanOptions:
             edge_clearance=DEFAULT_CLEARANCE * L if clearance is None else clearance,
             tip_radius=TIP_RADIUS * L if self.tip_radius is None else self.tip_radius,
             edge_clearance_share_of_inradius=CLEARANCE_OF_INRADIUS if clearance is None else None,
-            placement_error=self.placement_error,
-            tilt_error=self.tilt_error,
-            friction_error=self.friction_error,
-            com_error=self.com_error,
+            **errors,
+            placement_error_share_of_inradius=ERROR_OF_INRADIUS if own_share else None,
             avoid_directions=directions,
             avoid_angle=AVOID_ANGLE if directions else None,
             exclude_faces=tuple(self.exclude_faces),
@@ -184,9 +228,12 @@ class PlanSettings:
         edge_clearance: least distance of contacts from the edges of their face [m].
         tip_radius: radius of the fingertips that have room [m].
         edge_clearance_share_of_inradius: the clearance of a face is this times its inradius where
-            that is less than `edge_clearance`, but at least `placement_error`; None where it is
-            `edge_clearance` on all faces.
+            that is less than `edge_clearance`; None where it is `edge_clearance` on all faces. A
+            contact keeps its placement error from edges too.
         placement_error: by how much contacts may miss along their faces [m].
+        placement_error_share_of_inradius: on narrow faces, which are used where others have too few
+            grasps, contacts may miss by this times the inradius; None where it is `placement_error`
+            on all faces.
         tilt_error: by how much normals may tilt [rad].
         friction_error: share by which friction coefficients may be too high.
         com_error: by how much the centre of mass may be off [m].
@@ -207,6 +254,7 @@ class PlanSettings:
     tip_radius: float
     edge_clearance_share_of_inradius: float | None = None
     placement_error: float = 0.0
+    placement_error_share_of_inradius: float | None = None
     tilt_error: float = 0.0
     friction_error: float = 0.0
     com_error: float = 0.0
@@ -240,6 +288,23 @@ class PlanSettings:
     def exclusion(self) -> Exclusion:
         """Where no contact may be."""
         return exclusion(self.avoid_directions, self.exclude_faces, self.avoid_angle)
+
+
+def _with_friction_left(
+    errors: dict[str, float], mu: float, defaults: tuple[str, ...]
+) -> dict[str, float]:
+    """Returns default tilt and friction errors that leave `LEAST_FRICTION_LEFT` of the friction.
+
+    Where errors that are given leave less, the defaults become 0.
+    """
+    narrowed = {"tilt_error", "friction_error"} & {*defaults}
+    for halvings in range(_HALVINGS):
+        share: dict[str, float] = {name: errors[name] / 2**halvings for name in narrowed}
+        both = errors | share
+        angle = math.atan((1 - both["friction_error"]) * mu) - both["tilt_error"]
+        if math.tan(angle) >= LEAST_FRICTION_LEFT * mu:
+            return share
+    return dict.fromkeys(narrowed, 0.0)
 
 
 def check_errors(

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks.coverage import Comparison, best_of_paper, compare, holds, share, summary
 from benchmarks.hard_objects import hard_objects, stellated
-from drake_polygrasp.pipeline.plan import plan_grasps
+from tests.support.planned import exact_plan
 from tests.support.solids import cube, solid
 
 
@@ -50,7 +50,7 @@ def test_the_hard_objects_are_solids_of_one_friction_and_the_same_each_time() ->
 
 def test_the_best_of_the_paper_is_no_worse_than_its_grasp_of_best_quality() -> None:
     best = best_of_paper(cube())
-    plan = plan_grasps(cube(), method="paper", top=100)
+    plan = exact_plan(cube(), method="paper", top=100)
     assert len(plan.grasps) == 12 + 3
     assert best >= max(found.certificate.epsilon_lower for found in plan.grasps) > 0
 

@@ -19,7 +19,7 @@ from drake_polygrasp.certification.convex import friction_at
 from drake_polygrasp.certification.robustness import epsilon_interval, squeeze_interval
 from drake_polygrasp.files.grasp_file import grasp_document, load_grasps, save_grasps
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline.plan import plan_grasps
+from tests.support.planned import exact_plan
 
 MODELS = Path(__file__).parent.parent / "models"
 POSITIVE = st.floats(1e-12, 1e12)
@@ -89,7 +89,7 @@ def test_what_is_claimed_is_true_of_the_decimals_in_the_file(name: str, tmp_path
         file = tmp_path / "barrel.sdf"
         file.write_text(BARREL)
     object_ = load_object(file, mu=0.45)
-    plan = plan_grasps(object_, top=4)
+    plan = exact_plan(object_, top=4)
     path = tmp_path / "one.grasp.yaml"
     save_grasps(path, object_, plan.grasps, plan.settings)
     stated = load_grasps(path)

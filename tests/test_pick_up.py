@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_polygrasp import plan_grasps
 from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.plant import GraspReport
 from drake_polygrasp.wrenches.contacts import edge_forces
@@ -17,6 +16,7 @@ from examples.choose_grasp import Target, choose_grasp
 from examples.motion import SAMPLE, Task, plan_motion
 from examples.pick_up import main, pick_up
 from examples.table_top import settle
+from tests.support.planned import exact_plan
 from tests.support.plant_scenes import MODELS
 
 SHORT = Task(lift=0.05, rounds=1, hold=0.1)
@@ -95,7 +95,7 @@ def test_opposed_on_upright_faces_the_least_friction_is_the_weight_over_the_sque
 
 def test_the_table_is_planned_around() -> None:
     cube = target("cube")
-    freely = plan_grasps(cube.object_, top=1).grasps[0]
+    freely = exact_plan(cube.object_, top=1).grasps[0]
     assert replace(cube, found=freely).spheres().p_HT[:, 2].min() < cube.tip_radius
     assert cube.spheres().p_HT[:, 2].min() > cube.tip_radius
 

@@ -11,11 +11,11 @@ import pytest
 
 from drake_polygrasp import explain_sets, load_grasps, plan_grasps, save_grasps
 from drake_polygrasp.files.stated_grasp import StatedPlan
-from drake_polygrasp.settings import TIP_RADIUS, PlanOptions, PlanSettings, Steps
+from drake_polygrasp.settings import NO_ERRORS, TIP_RADIUS, PlanOptions, PlanSettings, Steps
 from tests.support.grasp_files import write_box
 from tests.support.plant_scenes import model
 
-L = 0.06 * np.sqrt(3)
+L, MU = 0.06 * np.sqrt(3), 0.3
 
 
 def test_options_that_ask_the_same_are_equal_and_hash_equal() -> None:
@@ -45,18 +45,23 @@ def test_options_are_the_arguments_of_planning_with_the_same_defaults() -> None:
 
 def test_what_is_not_asked_for_follows_from_the_size() -> None:
     default, given = PlanOptions(), PlanOptions(edge_clearance=0.002, tip_radius=0.0)
-    assert default.resolve(L).edge_clearance == pytest.approx(0.01 * L)
-    assert default.resolve(L).edge_clearance_share_of_inradius == 0.2
-    assert default.resolve(L).fixed_clearance is None
-    assert default.resolve(L).tip_radius == TIP_RADIUS * L
-    assert given.resolve(L).fixed_clearance == 0.002
-    assert given.resolve(L).tip_radius == 0.0
-    assert default.resolve(L).rank == "epsilon"
-    assert PlanOptions(method="paper").resolve(L).rank == "Q"
+    assert default.resolve(L, MU).edge_clearance == pytest.approx(0.01 * L)
+    assert default.resolve(L, MU).edge_clearance_share_of_inradius == 0.2
+    assert default.resolve(L, MU).fixed_clearance is None
+    assert default.resolve(L, MU).tip_radius == TIP_RADIUS * L
+    assert given.resolve(L, MU).fixed_clearance == 0.002
+    assert given.resolve(L, MU).tip_radius == 0.0
+    assert default.resolve(L, MU).rank == "epsilon"
+    assert PlanOptions(method="paper").resolve(L, MU).rank == "Q"
 
 
 def test_settings_are_stated_in_one_order_and_only_where_they_say_something() -> None:
-    assert list(PlanOptions(tip_radius=0.0).resolve(L).stated) == [
+    assert list(PlanOptions(tip_radius=0.0).resolve(L, MU).stated) == [
+        *("method", "edge_clearance", "tip_radius", "edge_clearance_share_of_inradius"),
+        *("placement_error", "placement_error_share_of_inradius", "tilt_error"),
+        *("friction_error", "com_error", "rank", "top", "effort"),
+    ]
+    assert list(PlanOptions(tip_radius=0.0, **NO_ERRORS).resolve(L, MU).stated) == [
         *("method", "edge_clearance", "tip_radius", "edge_clearance_share_of_inradius"),
         *("rank", "top", "effort"),
     ]
@@ -82,7 +87,7 @@ def test_settings_are_stated_in_one_order_and_only_where_they_say_something() ->
 
 def test_a_plan_that_is_read_says_what_was_written(tmp_path: Path) -> None:
     box = load_grasps(write_box(tmp_path))
-    settings = PlanOptions(avoid_directions=[(1, 1, 0)], exclude_faces=[0]).resolve(L)
+    settings = PlanOptions(avoid_directions=[(1, 1, 0)], exclude_faces=[0]).resolve(L, MU)
     written = replace(settings, mu=0.25, obstacles=("table",))
     object_ = model("cube")
     save_grasps(tmp_path / "cube.yaml", object_, box.grasps, written)

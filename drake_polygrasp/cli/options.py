@@ -194,31 +194,29 @@ def _add_error_options(parser: argparse.ArgumentParser) -> None:
         "--placement-error",
         metavar="M",
         type=read_length,
-        default=0.0,
         help="distance by which each fingertip may miss its contact along the face, in any "
-        "direction [m]; contacts keep at least this distance from edges (default: 0)",
+        "direction [m]; contacts keep at least this distance from edges (default: 2 "
+        "percent of the object's diameter; less on narrow faces, where others have too few grasps)",
     )
     parser.add_argument(
         "--tilt-error",
         metavar="RAD",
         type=read_tilt,
-        default=0.0,
         help="angle by which the true normal at each contact may differ from the model's [rad]; "
-        "grasps are planned with the friction that is left (default: 0)",
+        "grasps are planned with the friction that is left (default: 0.0873, 5 degrees)",
     )
     parser.add_argument(
         "--friction-error",
         metavar="SHARE",
         type=read_share,
-        default=0.0,
         help="share by which friction coefficients may be less than the model's: 0.2 for 20 "
-        "percent; grasps are planned with the friction that is left (default: 0)",
+        "percent; grasps are planned with the friction that is left (default: 0.2)",
     )
     parser.add_argument(
         "--com-error",
         metavar="M",
         type=read_length,
-        default=0.0,
         help="distance by which the centre of mass may be off, in any direction [m]; it counts in "
-        "the bounds of epsilon and squeeze force under errors (default: 0)",
+        "the bounds of epsilon and squeeze force under errors (default: 2 percent of the "
+        "object's diameter)",
     )

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 from drake_polygrasp.cli.table import align_columns, friction_hint, head_line, lacking_friction
 
 if TYPE_CHECKING:
-    from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+    from drake_polygrasp.grasp import CertifiedGrasp, GraspObject, RegionCertificate
     from drake_polygrasp.optimality.gap import OptimalityGap
     from drake_polygrasp.pipeline.plan import GraspPlan
+    from drake_polygrasp.settings import PlanSettings
 
 
 def holds_in_plant(grasp: CertifiedGrasp) -> bool:
@@ -62,21 +63,40 @@ def _error_column(plan: GraspPlan) -> list[tuple[str, ...]]:
 
 
 def _error_lines(plan: GraspPlan) -> list[str]:
-    """Returns what "bears" stands for, and which grasps do not bear the errors asked."""
-    settings = plan.settings
-    if not settings.has_errors:
+    """Returns what "bears" stands for, and which grasps bear less than was asked."""
+    if not plan.settings.has_errors:
         return []
+    ranks_by_errors: dict[str, list[int]] = {}
+    for rank, grasp in enumerate(plan.grasps, start=1):
+        errors = "" if grasp.region is None else _errors_text(grasp.region)
+        ranks_by_errors.setdefault(errors, []).append(rank)
+    asked = _errors_text(plan.settings)
     lines = [
         "bears: proved to hold with each contact off by this much along its face and, at once, "
-        f"normals by {settings.tilt_error:.4g} rad, friction less by "
-        f"{100 * settings.friction_error:.3g} percent and the centre of mass off by "
-        f"{1e3 * settings.com_error:.3g} mm"
+        f"{asked}"
     ]
-    ranks = [str(rank) for rank, grasp in enumerate(plan.grasps, start=1) if grasp.region is None]
-    if ranks:
-        grasps, do = ("grasps", "are") if len(ranks) > 1 else ("grasp", "is")
-        lines.append(f"{grasps} {', '.join(ranks)} {do} not proved to bear these errors")
+    for errors, ranks in ranks_by_errors.items():
+        if errors != asked:
+            grasps = f"grasp{'s' if len(ranks) > 1 else ''} {_ranges(ranks)}"
+            lines.append(f"{grasps}: {errors or 'not proved to bear any errors'}")
     return lines
+
+
+def _ranges(ranks: list[int]) -> str:
+    """Returns ascending ranks as text, those in a row as "4 to 7"."""
+    firsts = [rank for rank in ranks if rank - 1 not in ranks]
+    lasts = [rank for rank in ranks if rank + 1 not in ranks]
+    rows = zip(firsts, lasts, strict=True)
+    return ", ".join(f"{a} to {b}" if b > a else str(a) for a, b in rows)
+
+
+def _errors_text(errors: RegionCertificate | PlanSettings) -> str:
+    """Returns the errors of normals, friction and centre of mass in words."""
+    return (
+        f"normals by {errors.tilt_error:.4g} rad, friction less by "
+        f"{100 * errors.friction_error:.3g} percent and the centre of mass off by "
+        f"{1e3 * errors.com_error:.3g} mm"
+    )
 
 
 def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:

@@ -185,6 +185,29 @@ def _regions(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], face: In
     )
 
 
+def regions_at(regions: Regions, face: Ints, p_BC: Array) -> Ints:
+    """Returns the region of a face that each of some points is on, or is nearest to.
+
+    Args:
+        regions: the regions.
+        face: face of each point, which has a region, shape (N,).
+        p_BC: points expressed in B [m], shape (N, 3).
+
+    Returns:
+        Indices of regions, shape (N,).
+    """
+    first = np.searchsorted(regions.face, face)
+    count = np.searchsorted(regions.face, face, side="right") - first
+    point = np.repeat(np.arange(len(face)), count)
+    region = np.arange(len(point)) - np.repeat(np.cumsum(count) - count, count)
+    region += np.repeat(first, count)
+    p_FC = np.einsum("nij,ni->nj", regions.R_BF[region], p_BC[point] - regions.p_BF[region])
+    apart = shapely.distance(regions.polygon_F[region], shapely.points(p_FC[:, :2]))
+    nearest = np.lexsort((apart, point))
+    at: Ints = region[nearest[np.cumsum(count) - count]]
+    return at
+
+
 def nearest_points(shapes: Shapes, points: Array) -> Array:
     """Returns the point of each shape that is nearest to a given point.
 

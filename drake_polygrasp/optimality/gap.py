@@ -16,6 +16,7 @@ from drake_polygrasp.geometry.surface_contact import fingertip_fits, fingertips_
 from drake_polygrasp.grasp import GraspObject, Verdict
 from drake_polygrasp.optimality.branch_and_bound import Optimum, bound_optimum
 from drake_polygrasp.pipeline.plan import GraspPlan
+from drake_polygrasp.pipeline.request import placement_errors
 from drake_polygrasp.search.fingertip_room import with_tip_room
 from drake_polygrasp.search.triples import Triples
 
@@ -135,9 +136,8 @@ def require_planar(object_: GraspObject) -> None:
 
 def _regions(object_: GraspObject, plan: GraspPlan) -> Regions:
     settings = plan.settings
-    regions = erode(
-        object_.polyhedron, settings.fixed_clearance, least_clearance=settings.placement_error
-    )
+    placement = placement_errors(object_.polyhedron, settings)
+    regions = erode(object_.polyhedron, settings.fixed_clearance, least_clearance=placement)
     excluded = plan.settings.exclusion.avoids(regions.nhat_TB_B, regions.face)
     return regions.take(~excluded)
 

@@ -12,9 +12,8 @@ from drake_polygrasp.arrays import Ints, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.reasons import REASONS
-from drake_polygrasp.pipeline.judge import Judge
-from drake_polygrasp.pipeline.judging import all_candidates
-from drake_polygrasp.pipeline.request import make_request
+from drake_polygrasp.pipeline.fallback import make_requests, sets_and_codes
+from drake_polygrasp.pipeline.judging import judge_all
 from drake_polygrasp.settings import Method, PlanOptions
 
 
@@ -32,7 +31,8 @@ class Explanation:
         excluded_faces: indices of faces of which every set is excluded, ascending.
         tip_radius: radius of the fingertips that had to fit [m].
         edge_clearance: least distance of contacts from edges, if it was given [m].
-        placement_error: distance by which contacts may miss along their faces [m].
+        placement_error: distance by which contacts may miss along their faces, if it was given
+            [m]; else 0. So are the next two.
         tilt_error: angle by which normals may tilt [rad].
         friction_error: fraction by which friction coefficients may be too high.
     """
@@ -58,10 +58,10 @@ def explain_sets(
     avoid_directions: Iterable[npt.ArrayLike] = (),
     exclude_faces: Iterable[int] = (),
     obstacles: Obstacles | None = None,
-    placement_error: float = 0.0,
-    tilt_error: float = 0.0,
-    friction_error: float = 0.0,
-    com_error: float = 0.0,
+    placement_error: float | None = None,
+    tilt_error: float | None = None,
+    friction_error: float | None = None,
+    com_error: float | None = None,
 ) -> Explanation:
     """Evaluates every set of faces and says how it ended, by the steps of the paper.
 
@@ -83,7 +83,8 @@ def explain_sets(
         exclude_faces: indices of faces without contacts.
         obstacles: solids beside the object that fingertips must not penetrate.
         placement_error: distance by which a contact may miss its place along its face, in any
-            direction [m]. Contacts keep at least this distance from edges.
+            direction [m]. Contacts keep at least this distance from edges. The default of this and
+            the next two is that of `plan_grasps`: sets that hold only without it are certified.
         tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
         friction_error: fraction by which friction coefficients may be too high, 0 to below 1.
             Grasps are planned with the friction that the worst tilt and coefficient leave; proofs
@@ -108,12 +109,11 @@ def explain_sets(
         friction_error=friction_error,
         com_error=com_error,
     )
-    request = make_request(object_, options)
-    judge = Judge(all_candidates(request))
-    judge.judge(judge.open_rows)
-    code = judge.set_codes()
+    requests = make_requests(object_, options)
+    request = requests[-1]
+    sets, code = sets_and_codes(requests, [judge_all(each) for each in requests])
     counts = request.counts(code)
-    sets, code = request.with_excluded(judge.work.plan.sets, code)
+    sets, code = request.with_excluded(sets, code)
     # A pair's third region, -1, becomes face -1.
     faces = np.append(request.every_face, -1)[sets]
     return Explanation(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.face_sets import rank_within_set
-from drake_polygrasp.pipeline.candidates import KINDS, ProjectedCandidates
+from drake_polygrasp.pipeline.candidates import KINDS
 from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.longer_search import completed, extended
 from drake_polygrasp.pipeline.proposals import constructed, enriched, quick
@@ -18,24 +20,28 @@ from drake_polygrasp.settings import Rank
 SETS_OF_A_KIND = 10
 """Least number of sets of each kind that are proved to be ranked by margin. Our choice: Q favours
 sets of two faces, though on most objects without parallel faces three hold best."""
+LEAST_RANKED = 10
+"""Our choice: sets at least whose least epsilon under errors is compared."""
+_STEPS_WITH_ANOTHER = 2
+"""Steps of the longer search that propose denser points; later ones evaluate more sets."""
 SPARE = 2
 """Number of sets proved beyond those wanted. Our choice: estimates may rank near ties wrongly."""
 
 
-def prove_candidates(request: PlanRequest) -> Judge:
+def prove_candidates(request: PlanRequest, *, another_follows: bool = False) -> Judge:
     """Proposes candidates and proves the best, until enough sets of faces have a grasp.
 
     Args:
         request: the request, whose settings say how many sets are enough.
+        another_follows: whether a request with less errors follows, so that the longer search is
+            only of denser points, and ends with the first grasp.
 
     Returns:
         The judge, with all candidates and the proofs of those that hold.
     """
     rank, top, effort = request.settings.rank, request.settings.top, request.settings.effort
     if effort == "complete":
-        judge = Judge(all_candidates(request))
-        judge.judge(judge.open_rows)
-        return judge
+        return judge_all(request)
     if request.settings.method == "paper" or rank != "epsilon":
         judge = Judge(constructed(request))
         _judge_by_quality(judge, rank, top)
@@ -46,35 +52,42 @@ def prove_candidates(request: PlanRequest) -> Judge:
         if request.object_.polyhedron.is_patch.any():  # projection changes normals of patches
             estimate = judge.estimates()
         _judge_by_estimate(judge, estimate, top)
-        if judge.proofs:
+        if judge.proofs or another_follows:
             return judge
     judge = Judge(enriched(request))
-    _judge_by_estimate(judge, judge.estimates(), top + SPARE)
-    longer = extended(request, judge)
-    while len(judge.held_sets) < top:
+    wanted = max(top + SPARE, LEAST_RANKED) if request.errors else top + SPARE
+    _judge_by_estimate(judge, judge.estimates(), wanted)
+    longer = islice(extended(request, judge), _STEPS_WITH_ANOTHER if another_follows else None)
+    while len(judge.held_sets) < (1 if another_follows else top):
         seen = len(judge.work.plan.sets)
         more = next(longer, None) if seen < (MORE_SETS if judge.proofs else ANY_SETS) else None
         if more is None:
             break
         judge.extend(more)
-        _judge_by_estimate(judge, judge.estimates(), top + SPARE)
+        _judge_by_estimate(judge, judge.estimates(), wanted)
     return judge
 
 
-def all_candidates(request: PlanRequest) -> ProjectedCandidates:
-    """Returns the candidates of effort "complete": the paper's and the search's on every set.
+def judge_all(request: PlanRequest) -> Judge:
+    """Judges all candidates of effort "complete": the paper's and the search's on every set.
 
     They include those of effort "full".
 
     Args:
         request: the request.
 
+    Returns:
+        The judge, with the outcomes of all candidates.
+
     Raises:
         UsageError: when there are more than `request.MOST_SETS` sets.
     """
     if request.settings.method == "paper":
-        return constructed(request)
-    return completed(request, enriched(request))
+        judge = Judge(constructed(request))
+    else:
+        judge = Judge(completed(request, enriched(request)))
+    judge.judge(judge.open_rows)
+    return judge
 
 
 def _judge_by_quality(judge: Judge, rank: Rank, top: int) -> None:

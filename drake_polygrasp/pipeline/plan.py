@@ -11,10 +11,14 @@ import numpy.typing as npt
 
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+from drake_polygrasp.pipeline.fallback import (
+    errors_in_turn,
+    make_requests,
+    prove_in_turn,
+    sets_and_codes,
+)
 from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
-from drake_polygrasp.pipeline.judging import prove_candidates
 from drake_polygrasp.pipeline.ranking import certify_best
-from drake_polygrasp.pipeline.request import make_request
 from drake_polygrasp.settings import EffortName, Method, PlanOptions, PlanSettings, Rank, Steps
 
 PlanOutcome = Literal["grasps", "none_found", "no_certified_grasp"]
@@ -31,7 +35,8 @@ class GraspPlan:
         num_sets: number of all sets of three and of two regions. A region is what the edge
             clearance leaves of a face.
         reasons: number of sets by how they ended: "certified", the step that rejected them, or
-            "not_evaluated"; the numbers add up to `num_sets`.
+            "not_evaluated"; the numbers add up to `num_sets`. No set is rejected for default errors
+            alone: where enough grasps bear those, the others are not evaluated.
         seconds: time taken [s]: "plan" until enough grasps are proved, "certify" for ranking,
             bounds of epsilon and tolerances.
         settings: settings that repeat the plan, for `save_grasps`.
@@ -87,10 +92,10 @@ def plan_grasps(
     obstacles: Obstacles | None = None,
     steps: Steps | None = None,
     effort: EffortName = "full",
-    placement_error: float = 0.0,
-    tilt_error: float = 0.0,
-    friction_error: float = 0.0,
-    com_error: float = 0.0,
+    placement_error: float | None = None,
+    tilt_error: float | None = None,
+    friction_error: float | None = None,
+    com_error: float | None = None,
 ) -> GraspPlan:
     """Plans grasps of an object and proves each one that it returns.
 
@@ -100,9 +105,13 @@ def plan_grasps(
 
     Lengths below in L are fractions of the object's diameter.
 
-    If any error is above 0, each grasp's `region` proves that it bears all of them at once, or is
-    None. Ranking by epsilon, the least epsilon under errors counts then, and grasps without that
-    proof come last.
+    Grasps are planned to bear errors of hand and model, all at once: each one's `region` states and
+    proves those that it bears. Ranking by epsilon, grasps that bear all errors come first, and the
+    least epsilon under them counts. Default errors cost no grasp: where fewer than `top` are found
+    that may bear them, narrow faces follow, on which contacts keep half of the inradius from edges,
+    and then grasps that are planned without errors. A grasp that is not proved to bear the default
+    errors is tried for half and a quarter. `region` is None where none are proved, and everywhere
+    if all four errors are 0 (`settings.NO_ERRORS`), which ranks by the epsilon of exact contacts.
 
     Args:
         object_: object to grasp, with the friction of its faces.
@@ -129,12 +138,15 @@ def plan_grasps(
             finds none, "full" follows. It is for "enriched" ranked by epsilon. "complete" evaluates
             every set of faces, however long that takes.
         placement_error: distance by which a contact may miss its place along its face, in any
-            direction [m]. Contacts keep at least this distance from edges.
-        tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
-        friction_error: fraction by which friction coefficients may be too high, 0 to below 1.
-            Grasps are planned with the friction that the worst tilt and coefficient leave; proofs
-            and `Grasp.mu` have the model's.
-        com_error: distance by which the centre of mass may be off, in any direction [m].
+            direction [m] (default: 0.02 L). Contacts keep at least this distance from edges.
+        tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5 (default: 5
+            degrees).
+        friction_error: fraction by which friction coefficients may be too high, 0 to below 1
+            (default: 0.2). Grasps are planned with the friction that the worst tilt and coefficient
+            leave; proofs and `Grasp.mu` have the model's. Default tilt and friction errors are
+            halved together until they leave a third of the friction.
+        com_error: distance by which the centre of mass may be off, in any direction [m] (default:
+            0.02 L). For the method "paper", all four are 0 unless given.
 
     Returns:
         The plan. If it has no grasps, `outcome` says whether all sets of faces were evaluated.
@@ -160,17 +172,19 @@ def plan_grasps(
         friction_error=friction_error,
         com_error=com_error,
     )
-    request = make_request(object_, options)
-    judge = prove_candidates(request)
+    requests = make_requests(object_, options)
+    judges = prove_in_turn(requests)
     planned = perf_counter()
-    grasps = certify_best(judge, request.settings.rank, request.settings.top)
+    settings = requests[0].settings
+    grasps = certify_best(judges, errors_in_turn(requests), settings.rank, settings.top)
     certified = perf_counter()
+    request = requests[-1]
     return GraspPlan(
         grasps,
         request.num_sets,
-        request.counts(judge.set_codes()),
+        request.counts(sets_and_codes(requests, judges)[1]),
         {"plan": planned - start, "certify": certified - planned},
-        request.settings,
+        settings,
         None if grasps else request.mu_needed,
         request.excluded_faces,
     )

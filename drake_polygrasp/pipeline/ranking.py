@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -14,14 +15,13 @@ from drake_polygrasp.digits import on_grid, significant, to_decimals
 from drake_polygrasp.geometry.surface_contact import edge_distance
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Quality
 from drake_polygrasp.pipeline.candidates import KINDS, ProjectedCandidates
+from drake_polygrasp.pipeline.fallback import sets_held
 from drake_polygrasp.pipeline.judge import Judge
-from drake_polygrasp.pipeline.judging import SPARE
-from drake_polygrasp.pipeline.region_certificates import certify_errors
+from drake_polygrasp.pipeline.judging import LEAST_RANKED, SPARE
+from drake_polygrasp.pipeline.region_certificates import Errors, certify_errors
 from drake_polygrasp.settings import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
-_LEAST_RANKED = 10
-"""Our choice: sets at least whose least epsilon under errors is compared."""
 _TRIED_OF_A_SET = 3
 """Our choice: candidates of a set that are asked whether they bear errors, best first."""
 
@@ -37,20 +37,25 @@ class _Ranked:
     row: int
 
 
-def certify_best(judge: Judge, rank: Rank, top: int) -> tuple[CertifiedGrasp, ...]:
+def certify_best(
+    judges: Sequence[Judge], errors: Sequence[Errors], rank: Rank, top: int
+) -> tuple[CertifiedGrasp, ...]:
     """Ranks what is proved, the best candidate of each set of faces, and certifies the best.
 
     Args:
-        judge: the candidates and their proofs.
+        judges: the candidates and their proofs, as `prove_in_turn` returns them. Sets of later ones
+            count where those before have fewer than `top`.
+        errors: what grasps are tried for, greatest first; empty for none.
         rank: what puts one grasp before another.
         top: how many grasps to return at most.
 
     Returns:
         The grasps with their certificates, best first.
     """
+    if errors:
+        return _bearing_errors(judges, errors, rank, top)
+    (judge,) = judges
     ranked = _ranked_candidates(judge, rank)
-    if judge.work.request.errors is not None:
-        return _bearing_errors(judge, ranked, rank, top)
     first = _first_of_each_set(judge.work, ranked)
     measured = _of_greatest_epsilon(judge.work, first, top) if rank == "epsilon" else {}
     rows = list(measured) or [entry.row for entry in first[:top]]
@@ -86,37 +91,59 @@ def certify_candidate(judge: Judge, row: int) -> CertifiedGrasp:
 
 
 def _bearing_errors(
-    judge: Judge, ranked: list[_Ranked], rank: Rank, top: int
+    judges: Sequence[Judge], errors: Sequence[Errors], rank: Rank, top: int
 ) -> tuple[CertifiedGrasp, ...]:
     """Certifies the best sets with the errors that they bear.
 
-    Of each set it is the first of its best candidates that bears them. By epsilon, the least
-    under errors counts, and grasps that do not bear them come last.
+    By epsilon, grasps that bear all errors come first and those that bear none last, and among
+    equals the least epsilon under errors counts.
     """
-    work, errors = judge.work, judge.work.request.errors
-    assert errors is not None
-    wanted = max(top + SPARE, _LEAST_RANKED) if rank == "epsilon" else top
-    grasps = []
-    for entry in _first_of_each_set(work, ranked)[:wanted]:
-        set_index = work.candidates.set_index
-        same = [other.row for other in ranked if set_index[other.row] == set_index[entry.row]]
-        regions = (
-            (row, certify_errors(work.request.object_, _grasp(work, row), errors))
-            for row in same[:_TRIED_OF_A_SET]
-        )
-        row, region = next((found for found in regions if found[1]), (entry.row, None))
-        (certified,) = _certified(judge, [row], [None])
-        grasps.append(replace(certified, region=region))
+    quick = judges[0].work.request.settings.effort == "quick"
+    compared = top if rank != "epsilon" or quick else max(top + SPARE, LEAST_RANKED)
+    found: list[tuple[_Ranked, int, CertifiedGrasp]] = []
+    for position, judge in enumerate(judges):
+        if len(found) >= top:
+            break
+        before = sets_held(judges[:position], judge.work.request.regions).tolist()
+        ranked = _ranked_candidates(judge, rank)
+        sets = judge.work.plan.sets[judge.work.candidates.set_index].tolist()
+        fresh = [entry for entry in ranked if sets[entry.row] not in before]
+        for entry in _first_of_each_set(judge.work, fresh)[: compared - len(found)]:
+            of_set = [other.row for other in fresh if sets[other.row] == sets[entry.row]]
+            found.append((entry, *_bearing(judge, of_set[:_TRIED_OF_A_SET], errors)))
     if rank == "epsilon":
-        grasps.sort(key=_least_epsilon, reverse=True)
-    return tuple(grasps[:top])
+        found.sort(key=lambda entry: (entry[1], -_least_epsilon(entry[2])))
+    else:
+        found.sort(key=lambda entry: entry[0])
+    return tuple(grasp for _, _, grasp in found[:top])
 
 
-def _least_epsilon(grasp: CertifiedGrasp) -> tuple[bool, float]:
-    """Returns whether a grasp bears errors, and the lower bound of epsilon that then counts."""
-    if grasp.region is None:
-        return False, grasp.certificate.epsilon_lower
-    return True, grasp.region.epsilon_lower or 0.0
+def _bearing(judge: Judge, rows: list[int], errors: Sequence[Errors]) -> tuple[int, CertifiedGrasp]:
+    """Certifies the first of some candidates that bears the greatest errors.
+
+    Returns:
+        The index of these errors, their number where no candidate bears any, and the grasp.
+    """
+    work = judge.work
+    tried: set[tuple[float, ...]] = set()
+    for level, asked in enumerate(errors):
+        of_grasp = asked.on(work.face[rows[0]])
+        if of_grasp in tried:
+            continue
+        tried.add(of_grasp)
+        for row in rows:
+            region = certify_errors(work.request.object_, _grasp(work, row), asked)
+            if region is not None:
+                (certified,) = _certified(judge, [row], [None])
+                return level, replace(certified, region=region)
+    (certified,) = _certified(judge, rows[:1], [None])
+    return len(errors), certified
+
+
+def _least_epsilon(grasp: CertifiedGrasp) -> float:
+    """Returns the lower bound of epsilon under the errors that a grasp bears."""
+    region = grasp.region
+    return grasp.certificate.epsilon_lower if region is None else region.epsilon_lower or 0.0
 
 
 def _ranked_candidates(judge: Judge, rank: Rank) -> list[_Ranked]:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 
 from drake_polygrasp.arguments import check_instance
-from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.contact_regions import certify_regions
 from drake_polygrasp.certification.region_epsilon import region_epsilon
 from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.placement_regions import placement_region
 from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, RegionCertificate, grasp_of
-from drake_polygrasp.settings import check_errors
+from drake_polygrasp.settings import ERROR_NAMES, check_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,17 +34,28 @@ class Errors:
     friction: float
     com: float
 
-    def scaled(self, share: float) -> Errors:
-        """Returns the errors, each times a share.
+    def on(self, face: Ints) -> tuple[float, ...]:
+        """Returns the errors of a grasp on faces: three placements, tilt, friction and com.
 
         Args:
-            share: factor, 0 or above.
+            face: indices of the faces of its contacts, shape (3,).
         """
+        return *self.placement[face].tolist(), self.tilt, self.friction, self.com
+
+    def with_less(self, names: Collection[str], share: float) -> Errors:
+        """Returns the errors, some of them times a share.
+
+        Args:
+            names: those of `ERROR_NAMES` that become less.
+            share: factor, 0 to 1.
+        """
+        factor = {name: share if name in names else 1.0 for name in ERROR_NAMES}
+        placement, tilt, friction, com = factor.values()
         return Errors(
-            frozen(self.placement * share),
-            self.tilt * share,
-            self.friction * share,
-            self.com * share,
+            frozen(self.placement * placement),
+            self.tilt * tilt,
+            self.friction * friction,
+            self.com * com,
         )
 
 

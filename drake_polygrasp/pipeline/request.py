@@ -13,7 +13,8 @@ from drake_polygrasp.geometry.body_identity import check_same_body
 from drake_polygrasp.geometry.exclusion import Exclusion, require_faces
 from drake_polygrasp.geometry.face_sets import all_sets, count_sets, find_rows
 from drake_polygrasp.geometry.obstacles import Obstacles
-from drake_polygrasp.geometry.regions import Regions, erode
+from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.regions import Regions, default_placement_errors, erode
 from drake_polygrasp.geometry.surface_contact import effective_tip_radius
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.orientation import least_opposing_friction
@@ -42,6 +43,7 @@ class PlanRequest:
         mu_left: friction of each face that errors of tilt and friction leave, for search,
             improvement and filters, shape (F,). Proofs are of the model's.
         exclusion: where no contact may be.
+        errors: errors that grasps are to bear; None where there are none.
     """
 
     object_: GraspObject
@@ -52,6 +54,7 @@ class PlanRequest:
     regions: Regions
     mu_left: Array
     exclusion: Exclusion
+    errors: Errors | None
 
     @property
     def tip_radius(self) -> float:
@@ -82,15 +85,6 @@ class PlanRequest:
     def excluded_faces(self) -> tuple[int, ...]:
         """Faces whose every set is excluded, ascending."""
         return self.exclusion.excluded_faces(self.object_.polyhedron)
-
-    @property
-    def errors(self) -> Errors | None:
-        """The errors that grasps are to bear; None where there are none."""
-        asked = self.settings
-        if not asked.has_errors:
-            return None
-        placement = np.full(len(self.object_.polyhedron.faces), asked.placement_error)
-        return Errors(frozen(placement), asked.tilt_error, asked.friction_error, asked.com_error)
 
     @property
     def mu_needed(self) -> float | None:
@@ -175,12 +169,16 @@ class PlanRequest:
         )
 
 
-def make_request(object_: GraspObject, options: PlanOptions) -> PlanRequest:
+def make_request(
+    object_: GraspObject, options: PlanOptions, *, on_narrow_faces: bool = False
+) -> PlanRequest:
     """Resolves what is asked of a plan for an object.
 
     Args:
         object_: what to grasp.
         options: what is asked.
+        on_narrow_faces: whether the default placement error is at most half of a face's inradius,
+            so that narrow faces have contacts too.
 
     Returns:
         The request, with the regions of faces that contacts may use.
@@ -190,7 +188,7 @@ def make_request(object_: GraspObject, options: PlanOptions) -> PlanRequest:
     """
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     polyhedron = object_.polyhedron
-    settings = options.resolve(polyhedron.diameter)
+    settings = options.resolve(polyhedron.diameter, float(polyhedron.mu.max(initial=0.0)))
     require_faces(polyhedron, settings.exclude_faces)
     if options.obstacles is not None:
         check_same_body("obstacles", options.obstacles.body, object_.body)
@@ -201,7 +199,10 @@ def make_request(object_: GraspObject, options: PlanOptions) -> PlanRequest:
                 f"fingertip is {width:g} m wide; take them with a greater reach"
             )
     excluded = settings.exclusion
-    regions = erode(polyhedron, settings.fixed_clearance, least_clearance=settings.placement_error)
+    placement = np.full(len(polyhedron.faces), settings.placement_error)
+    if on_narrow_faces:
+        placement = placement_errors(polyhedron, settings)
+    regions = erode(polyhedron, settings.fixed_clearance, least_clearance=placement)
     kept = ~excluded.avoids(regions.nhat_TB_B, regions.face)
     mu_left = friction_left(polyhedron.mu, settings.tilt_error, settings.friction_error)
     regions = replace(regions, mu=frozen(mu_left[regions.face]))
@@ -214,4 +215,22 @@ def make_request(object_: GraspObject, options: PlanOptions) -> PlanRequest:
         regions if kept.all() else regions.take(kept),
         mu_left,
         excluded,
+        Errors(frozen(placement), settings.tilt_error, settings.friction_error, settings.com_error)
+        if settings.has_errors
+        else None,
     )
+
+
+def placement_errors(polyhedron: Polyhedron, settings: PlanSettings) -> Array:
+    """Returns by how much a contact on each face may miss, at most half of a narrow one's inradius.
+
+    Args:
+        polyhedron: the object's surface.
+        settings: those of a plan.
+
+    Returns:
+        [m], shape (F,).
+    """
+    if settings.placement_error_share_of_inradius is not None:
+        return default_placement_errors(polyhedron)
+    return np.full(len(polyhedron.faces), settings.placement_error)

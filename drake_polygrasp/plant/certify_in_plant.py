@@ -45,7 +45,7 @@ from drake_polygrasp.plant.contact_geometry import check_geometry
 from drake_polygrasp.plant.drake_calls import Refusal, ask_drake
 from drake_polygrasp.plant.load_test import PADS, ask_for_loads, simulate_loads
 from drake_polygrasp.plant.loads import LOAD_SHARE, LoadPlan, LoadsUnavailable, plan_loads
-from drake_polygrasp.plant.misses import NO_ERRORS, check_misses
+from drake_polygrasp.plant.misses import NO_REGION, check_misses
 from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
 
 
@@ -146,7 +146,7 @@ def certify_in_plant(
     if surroundings is not None:
         settings |= {"surroundings": surroundings.names, "surroundings_used_in": "geometry"}
     if misses is not None:
-        settings["misses"] = NO_ERRORS if region is None else misses
+        settings["misses"] = NO_REGION if region is None else misses
     if geometry.verdict is Verdict.HOLDS:
         plan = ask_for_loads(lambda: plan_loads(scene, region))
     else:

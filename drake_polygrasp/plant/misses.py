@@ -32,7 +32,7 @@ from drake_polygrasp.plant.loads import LoadsUnavailable, plan_missed_loads
 from drake_polygrasp.plant.scratch_plant import ScratchScene
 from drake_polygrasp.plant.surface_distance import SurfaceDistance
 
-NO_ERRORS = "no errors are certified"
+NO_REGION = "no errors are certified"
 """What is said of a grasp without a region certificate."""
 _SEED = 2017
 _EXTREME = 3

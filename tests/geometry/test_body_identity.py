@@ -30,6 +30,7 @@ from drake_polygrasp.geometry.body_identity import surface_lengths
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.loading.surroundings import surroundings_from_plant
 from tests.support.convex_polyhedra import prism
+from tests.support.planned import exact_plan
 
 MODELS = Path(__file__).parents[2] / "models"
 CUBE, BRICK = MODELS / "cube" / "cube.sdf", MODELS / "brick" / "brick.urdf"
@@ -80,7 +81,7 @@ def test_obstacles_of_another_body_are_refused_though_it_has_the_same_shape() ->
     one, obstacles = object_from_plant(*world.asked("one")), {}
     for name in world.bodies:
         obstacles[name] = obstacles_from_plant(*world.asked(name), reach=1.0)
-    assert plan_grasps(one, top=1, obstacles=obstacles["one"]).grasps
+    assert exact_plan(one, top=1, obstacles=obstacles["one"]).grasps
     refusing: tuple[Callable[..., Any], ...] = (plan_grasps, explain_sets)
     for function in refusing:
         with pytest.raises(UsageError, match=r"around 'cube_1::cube', .* is 'cube::cube'"):
@@ -94,18 +95,18 @@ def test_an_object_of_a_file_is_any_body_of_its_shape_in_a_plant() -> None:
     cube = load_object(CUBE)
     for name in ("one", "two"):
         obstacles = obstacles_from_plant(*world.asked(name))
-        assert plan_grasps(cube, top=1, obstacles=obstacles).grasps
+        assert exact_plan(cube, top=1, obstacles=obstacles).grasps
     with pytest.raises(UsageError, match="the object is not that body"):
-        plan_grasps(cube, obstacles=obstacles_from_plant(*world.asked("brick")))
+        exact_plan(cube, obstacles=obstacles_from_plant(*world.asked("brick")))
     filed = object_from_plant(*world.asked("two"), model_file=CUBE)
     with pytest.raises(UsageError, match=r"is 'cube_1::cube'"):
-        plan_grasps(filed, obstacles=obstacles_from_plant(*world.asked("one")))
+        exact_plan(filed, obstacles=obstacles_from_plant(*world.asked("one")))
 
 
 def test_surroundings_of_another_body_are_refused() -> None:
     world = World(TABLE)
     one = object_from_plant(*world.asked("one"), model_file=CUBE)
-    best = plan_grasps(one, top=1, obstacles=obstacles_from_plant(*world.asked("one"))).grasps[0]
+    best = exact_plan(one, top=1, obstacles=obstacles_from_plant(*world.asked("one"))).grasps[0]
     around = {name: surroundings_from_plant(*world.asked(name)) for name in ("one", "two")}
     with pytest.raises(UsageError, match="the surroundings are those around 'cube_1::cube'"):
         certify_in_plant(one, best, tip_radius=0.002, surroundings=around["two"])
@@ -119,7 +120,7 @@ def test_the_same_body_in_another_frame_is_another() -> None:
     shifted = cube.polyhedron.own_triangles_B + np.array([0.0, 0.0, 0.01])
     elsewhere = replace(cube, body=replace(cube.body, lengths=surface_lengths(shifted)))
     with pytest.raises(UsageError, match="is not that body"):
-        plan_grasps(elsewhere, obstacles=obstacles)
+        exact_plan(elsewhere, obstacles=obstacles)
 
 
 def test_obstacles_of_several_plants_are_joined_as_if_of_one() -> None:
@@ -138,7 +139,7 @@ def test_obstacles_of_several_plants_are_joined_as_if_of_one() -> None:
     every = first.joined(second, third)
     assert (every.reach, len(every.primitives)) == (0.02, 2)
     cube = load_object(CUBE)
-    plans = [plan_grasps(cube, obstacles=obstacles, top=3) for obstacles in (joined, together)]
+    plans = [exact_plan(cube, obstacles=obstacles, top=3) for obstacles in (joined, together)]
     for one, other in zip(plans[0].grasps, plans[1].grasps, strict=True):
         assert np.array_equal(one.grasp.p_BC, other.grasp.p_BC)
 
@@ -157,7 +158,7 @@ def test_obstacles_of_other_bodies_or_poses_cannot_be_joined() -> None:
 def test_obstacles_made_by_hand_are_anyones() -> None:
     none = np.empty((0, 3, 3)), np.empty(0, dtype=bool)
     by_hand = Obstacles(X_WB, ("nothing",), *none, (), reach=1.0)
-    assert plan_grasps(load_object(CUBE), top=1, obstacles=by_hand).grasps
+    assert exact_plan(load_object(CUBE), top=1, obstacles=by_hand).grasps
     joined = by_hand | obstacles_from_plant(*World(TABLE).asked())
     assert joined.body is not None
 

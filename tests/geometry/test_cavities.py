@@ -18,9 +18,9 @@ from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.surface import Part, build_polyhedron, curved_part
 from drake_polygrasp.geometry.surface_contact import face_at, fingertip_fits, project_contacts
 from drake_polygrasp.geometry.triangles import diameter, unit_normals
-from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.common import random_rotations, round_body
 from tests.support.convex_polyhedra import prism, tangent_polyhedron
+from tests.support.planned import exact_plan
 from tests.support.solids import object_of
 from tests.support.surface_judge import on_surface
 
@@ -172,7 +172,7 @@ def test_what_a_ball_reaches_from_outside_is_not_sealed() -> None:
 def test_grasps_of_a_box_of_plates_are_on_its_outside() -> None:
     parts = plates(1.7e-6)
     crate = object_of(build(parts))
-    plan = plan_grasps(crate, top=5)
+    plan = exact_plan(crate, top=5)
     assert len(plan.grasps) == 5
     for certified in plan.grasps:
         assert (np.abs(certified.grasp.p_BC - MIDDLE).max(axis=1) >= MIDDLE - 1e-6).all()

@@ -35,6 +35,7 @@ from drake_polygrasp.settings import Method
 from drake_polygrasp.verification.report import Status
 from tests.support.common import round_body
 from tests.support.convex_polyhedra import holed_prism, tangent_polyhedron
+from tests.support.planned import exact_plan
 from tests.support.solids import cube, object_of, regular_prism, solid
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -74,7 +75,7 @@ def num_sets(n: int) -> int:
 
 def outward(object_: GraspObject, **avoided: Any) -> npt.NDArray[np.float64]:
     """Outward normals of all planned contacts, one row each."""
-    grasps = plan_grasps(object_, **avoided).grasps
+    grasps = exact_plan(object_, **avoided).grasps
     return np.concatenate([-certified.grasp.nhat_TB_B for certified in grasps])
 
 
@@ -84,8 +85,8 @@ def test_no_contact_is_on_an_excluded_face_and_every_set_is_counted(
     name: str, method: Method
 ) -> None:
     object_ = named(name)
-    used = plan_grasps(object_, method=method).grasps[0].grasp.faces[0]
-    plan = plan_grasps(object_, method=method, exclude_faces=[used])
+    used = exact_plan(object_, method=method).grasps[0].grasp.faces[0]
+    plan = exact_plan(object_, method=method, exclude_faces=[used])
     assert plan.grasps
     assert used not in {face for g in plan.grasps for face in g.grasp.faces}
     face = erode(object_.polyhedron).face
@@ -118,8 +119,8 @@ def test_a_direction_excludes_the_faces_within_45_degrees_of_it() -> None:
 def test_a_cubes_underside_is_the_face_of_its_normal() -> None:
     box = named("cube")
     down = [k for k, f in enumerate(box.polyhedron.faces) if np.allclose(f.R_BF[:, 2], DOWN)]
-    by_index = plan_grasps(box, exclude_faces=down)
-    by_direction = plan_grasps(box, avoid_directions=[DOWN])
+    by_index = exact_plan(box, exclude_faces=down)
+    by_direction = exact_plan(box, avoid_directions=[DOWN])
     assert by_index.excluded_faces == by_direction.excluded_faces == tuple(down)
     assert by_index.reasons == by_direction.reasons
     for one, other in zip(by_index.grasps, by_direction.grasps, strict=True):
@@ -151,7 +152,7 @@ def test_nothing_is_left_when_all_is_excluded(name: str) -> None:
         {"exclude_faces": range(n)},
         {"avoid_directions": [v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)] - np.ones(3)},
     ):
-        plan = plan_grasps(named(name), **avoided)  # type: ignore[arg-type]
+        plan = exact_plan(named(name), **avoided)  # type: ignore[arg-type]
         assert not plan.grasps
         assert plan.mu_needed is None
         assert sum(plan.reasons.values()) == plan.num_sets
@@ -185,7 +186,7 @@ def file(tmp_path: Path) -> Path:
     """Of a cube whose underside and one side are excluded."""
     path = tmp_path / "cube.grasp.yaml"
     object_ = load_object(CUBE)
-    plan = plan_grasps(object_, avoid_directions=[DOWN], exclude_faces=[0], top=2)
+    plan = exact_plan(object_, avoid_directions=[DOWN], exclude_faces=[0], top=2)
     save_grasps(path, object_, plan.grasps, plan.settings)
     return path
 
@@ -200,7 +201,7 @@ def test_a_grasp_file_says_what_was_excluded(file: Path) -> None:
 
 def test_without_exclusion_a_grasp_file_says_nothing_of_it() -> None:
     assert not {"avoid_directions", "avoid_angle", "exclude_faces", "obstacles"} & set(
-        plan_grasps(named("cube"), top=1).settings.stated
+        exact_plan(named("cube"), top=1).settings.stated
     )
 
 

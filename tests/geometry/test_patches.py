@@ -21,10 +21,10 @@ from drake_polygrasp.geometry.surface_contact import (
 )
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import diameter, unit_normals
-from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.common import damaged, random_rotations, round_body
 from tests.support.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism
 from tests.support.lp_judge import is_force_closure
+from tests.support.planned import exact_plan
 from tests.support.solids import object_of, random_contacts
 from tests.support.surface_judge import is_exposed, nearest_point, on_surface
 
@@ -169,7 +169,7 @@ def test_grasps_of_real_objects_are_on_their_true_surface(shape: str) -> None:
     }[shape]
     object_ = object_of(build(*parts))
     assert object_.polyhedron.watertight == (shape != "open scan")
-    plan = plan_grasps(object_, top=3)
+    plan = exact_plan(object_, top=3)
     assert len(plan.grasps) == 3
     for certified in plan.grasps:
         grasp = certified.grasp
@@ -185,7 +185,7 @@ def test_damaged_triangles_yield_no_false_grasp(seed: int, prisms: bool) -> None
     broken = [damaged(part, seed) for part in parts]
     object_ = object_of(build(*broken))
     L = object_.polyhedron.diameter
-    for certified in plan_grasps(object_, top=2).grasps:
+    for certified in exact_plan(object_, top=2).grasps:
         grasp = certified.grasp
         assert is_force_closure(grasp.p_BC, grasp.nhat_TB_B, grasp.mu, around=True)
         assert is_exposed(grasp.p_BC, grasp.nhat_TB_B, parts, 1e-4 * L).all()

@@ -19,9 +19,9 @@ from drake_polygrasp.geometry.surface_contact import (
     project_contacts,
 )
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.common import random_rotations
 from tests.support.convex_polyhedra import prism
+from tests.support.planned import exact_plan
 from tests.support.solids import object_of, random_contacts
 
 R = random_rotations(1, np.random.default_rng(0))[0]
@@ -177,7 +177,7 @@ def test_curved_shapes_of_a_model_are_grasped_on_their_true_surface(
     (primitive,) = thing.polyhedron.primitives
     np.testing.assert_allclose(thing.p_BBcm, [1, 2, 3], atol=1e-9)
     assert thing.rho == pytest.approx(FARTHEST[name](0.0), rel=1e-9)
-    plan = plan_grasps(thing, top=2)
+    plan = exact_plan(thing, top=2)
     assert len(plan.grasps) == 2
     for certified in plan.grasps:
         p, nhat = certified.grasp.p_BC, certified.grasp.nhat_TB_B
@@ -187,7 +187,7 @@ def test_curved_shapes_of_a_model_are_grasped_on_their_true_surface(
 
 def test_a_round_rod_of_one_to_sixty_is_graspable() -> None:
     rod = Primitive("cylinder", frozen(np.eye(3)), frozen(np.zeros(3)), frozen([0.005, 0.005, 0.3]))
-    (best,) = plan_grasps(object_of(build_polyhedron([curved_part(rod, 0.3)])), top=1).grasps
+    (best,) = exact_plan(object_of(build_polyhedron([curved_part(rod, 0.3)])), top=1).grasps
     # Of three fingertips of 12 mm two have no room on an end, so the grasp is on the side.
     assert np.abs(best.grasp.p_BC[:, 2]).max() < 0.3
     np.testing.assert_allclose(np.hypot(*best.grasp.p_BC[:, :2].T), 0.005, rtol=1e-9)

@@ -16,8 +16,8 @@ from drake_polygrasp.geometry.surface_contact import (
     locate_contacts,
     project_contacts,
 )
-from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.lp_judge import is_force_closure
+from tests.support.planned import exact_plan
 from tests.support.random_unions import Body, bodies
 from tests.support.solids import object_of
 from tests.support.surface_judge import contact_faults, distances, inside
@@ -81,7 +81,7 @@ def test_what_the_judge_finds_open_to_a_tip_is_on_a_face(body: Body) -> None:
 def test_every_grasp_holds_by_a_linear_program_and_has_room(body: Body) -> None:
     object_ = object_of(build(body.raw))
     L = object_.polyhedron.diameter
-    for certified in plan_grasps(object_, top=3).grasps:
+    for certified in exact_plan(object_, top=3).grasps:
         grasp = certified.grasp
         assert is_force_closure(grasp.p_BC, grasp.nhat_TB_B, grasp.mu, around=True)
         contacts = grasp.p_BC, grasp.nhat_TB_B

@@ -23,8 +23,8 @@ from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 from drake_polygrasp.loading.object_model import load_object, load_solid
 from drake_polygrasp.loading.plant_object import object_from_plant
-from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.plant.certify_in_plant import certify_in_plant
+from tests.support.planned import exact_plan
 from tests.support.solids import star
 
 T_SECTION = np.array(
@@ -78,7 +78,7 @@ def test_a_t_section_is_a_t_whatever_corner_its_lids_start_at(first: int, tmp_pa
     # Stem 12 cm2 at y = 3 cm, bar 16 cm2 at y = 7 cm.
     assert object_.p_BBcm == pytest.approx([0.04, 0.37 / 7, 0.015], rel=1e-9)
     outline = shapely.Polygon(T_SECTION / 100)
-    for grasp in plan_grasps(object_, top=20).grasps:
+    for grasp in exact_plan(object_, top=20).grasps:
         on = shapely.distance(outline, shapely.points(grasp.grasp.p_BC[:, :2]))
         assert (on <= 1e-9).all()
 
@@ -214,7 +214,7 @@ def test_plants_have_faces_that_run_the_wrong_way_turned(
     assert len(new) == bool(said)
     assert all(said in warning and "reverse the faces" in warning for warning in new)
     assert exposed_area(wrong) == pytest.approx(6 * 0.06**2)
-    grasp = plan_grasps(right, top=1).grasps[0].grasp
+    grasp = exact_plan(right, top=1).grasps[0].grasp
     verdicts = [
         {v.name: v.verdict for v in certify_in_plant(o, grasp, tip_radius=0.002).verdicts}
         for o in (right, wrong)

@@ -20,11 +20,11 @@ from drake_polygrasp.files.grasp_file import save_grasps
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.mesh_file import check_mesh_file
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.plant.certify_in_plant import certify_in_plant
 from drake_polygrasp.verification.report import Status
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.convex_polyhedra import prism
+from tests.support.planned import exact_plan
 
 L_PROFILE = shapely.Polygon(
     [(0.0, 0.0), (0.1, 0.0), (0.1, 0.02), (0.02, 0.02), (0.02, 0.1), (0.0, 0.1)]
@@ -90,7 +90,7 @@ def test_a_gltf_is_its_convex_hull_as_drake_collides_with_it(
     said = [warning for warning in object_.warnings if "convex hull" in warning]
     assert len(said) == (not declaration)
     assert all("part.gltf" in warning and "convert it to .obj" in warning for warning in said)
-    grasp = plan_grasps(object_, top=1).grasps[0].grasp
+    grasp = exact_plan(object_, top=1).grasps[0].grasp
     verdicts = certify_in_plant(object_, grasp, tip_radius=0.002).verdicts
     assert {v.name: v.verdict for v in verdicts}["geometry"] == "holds"
 
@@ -101,7 +101,7 @@ def test_a_buffer_in_a_file_of_its_own_is_part_of_the_model(tmp_path: Path) -> N
     document["buffers"][0]["uri"] = "part.bin"
     (tmp_path / "part.bin").write_bytes(data)
     object_ = load_object(write(tmp_path, document), mu=0.5)
-    plan, file = plan_grasps(object_, top=1), tmp_path / "part.grasp.yaml"
+    plan, file = exact_plan(object_, top=1), tmp_path / "part.grasp.yaml"
     save_grasps(file, object_, plan.grasps, replace(plan.settings, mu=0.5))
     assert verify_file(file).grasps[0].surface.status is Status.RECOMPUTED
     (tmp_path / "part.bin").write_bytes(data + b"\0")

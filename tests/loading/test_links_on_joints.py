@@ -21,7 +21,6 @@ from drake_polygrasp import (
     load_object,
     object_from_plant,
     obstacles_from_plant,
-    plan_grasps,
     save_grasps,
     verify_file,
 )
@@ -29,6 +28,7 @@ from drake_polygrasp.cli.main import main
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.surface_contact import locate_contacts
 from drake_polygrasp.visualization.scene import draw_object
+from tests.support.planned import exact_plan
 
 BASE = "0.1 0.08 0.05"
 LID = '<box size="0.1 0.08 0.01"/>'
@@ -148,7 +148,7 @@ def test_a_link_on_a_joint_leaves_no_room_for_wider_tips_than_its_gap(write: Wri
     object_ = load_object(path, body_name="base")
     assert area(object_.polyhedron, (1, 0, 0)) == pytest.approx(0.004)
     for tip_radius, has_room in ((0.0029, True), (0.0031, False)):
-        plan = plan_grasps(object_, top=100, tip_radius=tip_radius)
+        plan = exact_plan(object_, top=100, tip_radius=tip_radius)
         normals = np.concatenate([g.grasp.nhat_TB_B for g in plan.grasps])
         assert (normals[:, 0] < -0.9).any() == has_room
 
@@ -225,7 +225,7 @@ def test_files_say_how_links_on_joints_were_taken_and_verify_repeats_it(
     path, file = write(with_lid()), tmp_path / "box.grasp.yaml"
     for joints_free in (False, True):
         object_ = load_object(path, body_name="base", joints_free=joints_free)
-        plan = plan_grasps(object_, top=1)
+        plan = exact_plan(object_, top=1)
         save_grasps(file, object_, plan.grasps, plan.settings)
         assert load_grasps(file).object_.joints_free == joints_free
         assert ("joints_free: true" in file.read_text()) == joints_free
@@ -266,7 +266,7 @@ def test_links_on_joints_are_drawn(write: Write) -> None:
 def test_a_plant_keeps_links_on_joints_locked(write: Write) -> None:
     path = write(with_lid(xyz="0.05 0 0.008"))  # 3 mm above the base
     shut, free = (load_object(path, body_name="base", joints_free=f) for f in (False, True))
-    plan = plan_grasps(free, top=100, tip_radius=0.002)
+    plan = exact_plan(free, top=100, tip_radius=0.002)
     best = next(g for g in plan.grasps if (g.grasp.nhat_TB_B[:, 2] < -0.9).any())
     for object_, verdict in ((free, "holds"), (shut, "does not hold")):
         report = certify_in_plant(

@@ -10,11 +10,11 @@ from drake_polygrasp.cli.main import main
 from drake_polygrasp.errors import MissingPackageError, ModelError
 from drake_polygrasp.files.grasp_file import save_grasps
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.verification.report import Status
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.fuzz import CUBE_OBJ
 from tests.support.object_files import write_all
+from tests.support.planned import exact_plan
 
 GEOM = '<geom type="box" size=".05 .05 .05" pos="{} 0 0" mass="1" friction="1 .01 .01"/>'
 MJCF = (
@@ -111,7 +111,7 @@ def test_a_model_whose_package_is_unknown_is_not_checked_and_not_false(tmp_path:
     )
     packages = {"p": tmp_path / "q"}
     object_ = load_object(tmp_path / "a.urdf", packages=packages)
-    plan = plan_grasps(object_, top=1, effort="quick")
+    plan = exact_plan(object_, top=1, effort="quick")
     file = tmp_path / "a.grasp.yaml"
     save_grasps(file, object_, plan.grasps, plan.settings)
     assert verify_file(file, packages=packages).holds is True

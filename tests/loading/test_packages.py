@@ -16,6 +16,7 @@ from drake_polygrasp.loading.parsed_model import choose_body, parse_files
 from drake_polygrasp.plant.certify_in_plant import certify_in_plant
 from tests.support.fuzz import CUBE_OBJ, run
 from tests.support.object_files import write_all
+from tests.support.planned import exact_plan
 
 
 def model(collision: str, visual: str = "") -> str:
@@ -172,12 +173,11 @@ def test_a_remote_package_is_one_line_of_the_command(offline: Path) -> None:
 
 
 def test_a_plant_reads_the_model_with_the_same_packages(tmp_path: Path) -> None:
-    from drake_polygrasp import plan_grasps
 
     write_all(tmp_path, {"part.sdf": model("model://a/cube.obj"), "b/cube.obj": CUBE_OBJ})
     packages = {"a": tmp_path / "b"}
     thing = load_object(tmp_path / "part.sdf", packages=packages)
-    (grasp,) = plan_grasps(thing, top=1, effort="quick").grasps
+    (grasp,) = exact_plan(thing, top=1, effort="quick").grasps
     with pytest.raises(ModelError, match="package 'a' is unknown"):
         certify_in_plant(thing, grasp)
     report = certify_in_plant(thing, grasp, packages=packages)

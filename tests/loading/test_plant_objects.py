@@ -45,7 +45,6 @@ from drake_polygrasp import (
     load_object,
     object_from_plant,
     obstacles_from_plant,
-    plan_grasps,
     save_grasps,
     verify_file,
 )
@@ -54,7 +53,9 @@ from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.geometry.primitives import Primitive, tessellation
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.search.fingertip_room import with_tip_room
+from drake_polygrasp.settings import NO_ERRORS
 from tests.support.convex_polyhedra import write_obj
+from tests.support.planned import exact_plan
 
 MODELS = Path(__file__).parents[2] / "models"
 CUBE, BRACKET = MODELS / "cube" / "cube.sdf", MODELS / "l_bracket" / "l_bracket.sdf"
@@ -207,7 +208,7 @@ def test_a_grasp_of_a_body_in_a_plant_is_saved_under_its_file(tmp_path: Path) ->
     scenery, obstacles = scene("table")
     path = tmp_path / "cube.grasp.yaml"
     object_ = object_from_plant(*scenery.asked, model_file=CUBE)
-    plan = plan_grasps(object_, obstacles=obstacles, top=2)
+    plan = exact_plan(object_, obstacles=obstacles, top=2)
     save_grasps(path, object_, plan.grasps, plan.settings)
     assert verify_file(path).holds
     assert load_grasps(path).plan.obstacles == ("table::table",)
@@ -358,7 +359,7 @@ def test_obstacles_are_where_drake_has_them(name: str) -> None:
 def test_no_planned_fingertip_penetrates_anything_that_drake_knows(name: str) -> None:
     scenery, obstacles = scene(name)
     object_ = object_from_plant(*scenery.asked)
-    plan = plan_grasps(object_, obstacles=obstacles, tip_radius=0.006)
+    plan = exact_plan(object_, obstacles=obstacles, tip_radius=0.006)
     assert plan.grasps
     slack = 3e-5 * object_.polyhedron.diameter
     for p_WT in tips_W(obstacles, plan):
@@ -367,7 +368,7 @@ def test_no_planned_fingertip_penetrates_anything_that_drake_knows(name: str) ->
 
 def test_without_obstacles_fingertips_would_penetrate_the_table() -> None:
     scenery, obstacles = scene("table")
-    plan = plan_grasps(object_from_plant(*scenery.asked), tip_radius=0.006)
+    plan = exact_plan(object_from_plant(*scenery.asked), tip_radius=0.006)
     assert min(drakes_distance(scenery, p) for p in tips_W(obstacles, plan)) < 0
 
 
@@ -375,8 +376,8 @@ def test_without_obstacles_fingertips_would_penetrate_the_table() -> None:
 def test_sets_whose_tips_obstacles_block_are_counted_so(method: Any) -> None:
     scenery, obstacles = scene("table")
     object_ = object_from_plant(*scenery.asked)
-    plan = plan_grasps(object_, method=method, obstacles=obstacles, top=100)
-    explanation = explain_sets(object_, method=method, obstacles=obstacles)
+    plan = exact_plan(object_, method=method, obstacles=obstacles, top=100)
+    explanation = explain_sets(object_, method=method, obstacles=obstacles, **NO_ERRORS)
     underside = [k for k, f in enumerate(object_.polyhedron.faces) if f.R_BF[2, 2] < -0.9]
     for reasons in (plan.reasons, explanation.counts):
         assert sum(reasons.values()) == 35
@@ -392,8 +393,8 @@ def test_on_a_table_grasps_are_nearly_as_good_as_in_the_air() -> None:
         low = object_.polyhedron.triangles_B[..., 2].min()
         on_table = RigidTransform(X_WB.rotation(), [0.3, -0.2, -low])
         obstacles = obstacles_from_plant(*world(model, table(), X_WB=on_table).asked)
-        best = plan_grasps(object_, obstacles=obstacles).grasps[0].certificate
-        free = plan_grasps(object_).grasps[0].certificate
+        best = exact_plan(object_, obstacles=obstacles).grasps[0].certificate
+        free = exact_plan(object_).grasps[0].certificate
         assert best.epsilon_lower >= 0.9 * free.epsilon_lower
 
 
@@ -416,10 +417,10 @@ def test_in_a_tight_box_nothing_can_be_held() -> None:
     obstacles = obstacles_from_plant(*scenery.asked)
     assert obstacles.names == tuple(f"wall_{k}" for k in range(5))
     object_ = object_from_plant(*scenery.asked)
-    blocked = plan_grasps(object_, obstacles=obstacles, tip_radius=0.003)
+    blocked = exact_plan(object_, obstacles=obstacles, tip_radius=0.003)
     assert not blocked.grasps
     assert blocked.reasons["obstructed"] > 0
-    assert plan_grasps(object_, obstacles=obstacles, tip_radius=0.0009).grasps
+    assert exact_plan(object_, obstacles=obstacles, tip_radius=0.0009).grasps
 
 
 def test_regions_lose_what_a_table_leaves_no_room_for() -> None:
@@ -460,7 +461,7 @@ def test_what_is_far_away_costs_and_changes_nothing() -> None:
         obstacles = obstacles_from_plant(*scenery.asked)
         assert obstacles.names == ("table::table",)
         assert np.array_equal(obstacles.surface_B, scene("table")[1].surface_B)
-        plans.append(plan_grasps(object_from_plant(*scenery.asked), obstacles=obstacles, top=3))
+        plans.append(exact_plan(object_from_plant(*scenery.asked), obstacles=obstacles, top=3))
     for one, other in zip(plans[0].grasps, plans[1].grasps, strict=True):
         assert np.array_equal(one.grasp.p_BC, other.grasp.p_BC)
     assert "Mesh::Mesh" in obstacles_from_plant(*scenery.asked, reach=1.0).names
@@ -470,7 +471,7 @@ def test_fingertips_wider_than_the_known_surroundings_are_refused() -> None:
     scenery, _ = scene("table")
     obstacles = obstacles_from_plant(*scenery.asked, reach=0.01)
     with pytest.raises(UsageError, match="greater reach"):
-        plan_grasps(object_from_plant(*scenery.asked), obstacles=obstacles, tip_radius=0.006)
+        exact_plan(object_from_plant(*scenery.asked), obstacles=obstacles, tip_radius=0.006)
     for reach in (-1.0, np.nan, np.inf):
         with pytest.raises(UsageError, match="reach is"):
             obstacles_from_plant(*scenery.asked, reach=reach)

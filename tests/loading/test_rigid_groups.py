@@ -15,13 +15,13 @@ from drake_polygrasp import (
     ModelError,
     load_grasps,
     load_object,
-    plan_grasps,
     save_grasps,
     verify_file,
 )
 from drake_polygrasp.geometry.surface_contact import locate_contacts
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.object_model import load_solid
+from tests.support.planned import exact_plan
 
 HANDLE, HEAD = (0.03, 0.03, 0.2), (0.12, 0.05, 0.05)
 X_BH = RigidTransform(RollPitchYaw(0.2, -0.3, 0.4), [0.01, -0.02, 0.1])
@@ -205,7 +205,7 @@ def test_whichever_link_is_named_it_is_the_same_body_in_another_frame(write: Wri
     p_HV = head.polyhedron.triangles_B.reshape(-1, 3)
     p_BV = handle.polyhedron.triangles_B.reshape(-1, 3)
     assert (X_BH @ p_HV.T).T == pytest.approx(p_BV, abs=1e-15)
-    best = [plan_grasps(one, top=1).grasps[0].certificate for one in (handle, head)]
+    best = [exact_plan(one, top=1).grasps[0].certificate for one in (handle, head)]
     assert best[0].epsilon_lower == pytest.approx(best[1].epsilon_lower, rel=0.02)
 
 
@@ -222,7 +222,7 @@ def test_no_contact_is_inside_another_link_and_file_and_plant_hold(tmp_path: Pat
     hammer = load_object(model)
     assert hammer.mass == pytest.approx(1.0)
     assert hammer.p_BBcm == pytest.approx([0.0, 0.0, 0.08])
-    plan = plan_grasps(hammer, top=2)
+    plan = exact_plan(hammer, top=2)
     for certified in plan.grasps:
         within = np.abs(certified.grasp.p_BC - [0.0, 0.0, 0.1]) < np.array(HEAD) / 2 - 1e-9
         assert not within.all(axis=1).any()
@@ -237,7 +237,7 @@ def test_no_contact_is_inside_another_link_and_file_and_plant_hold(tmp_path: Pat
 
 def test_a_file_of_another_group_of_links_is_refused(write: Write, tmp_path: Path) -> None:
     hammer = load_object(write("h.urdf", hammer_urdf()))
-    plan = plan_grasps(hammer, top=1)
+    plan = exact_plan(hammer, top=1)
     file = tmp_path / "h.grasp.yaml"
     save_grasps(file, hammer, plan.grasps, plan.settings)
     text = file.read_text()
@@ -367,7 +367,7 @@ def test_links_of_one_name_in_nested_models_are_told_apart(write: Write, tmp_pat
         assert nested.mass == pytest.approx(0.5)
         assert nested.source is not None
         assert set(nested.source.links) == links
-        plan, file = plan_grasps(nested, top=1), tmp_path / "nested.grasp.yaml"
+        plan, file = exact_plan(nested, top=1), tmp_path / "nested.grasp.yaml"
         save_grasps(file, nested, plan.grasps, plan.settings)
         assert verify_file(file).holds
 

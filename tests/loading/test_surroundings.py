@@ -21,7 +21,6 @@ from drake_polygrasp import (
     load_object,
     load_surroundings,
     obstacles_from_plant,
-    plan_grasps,
     rank_in_plant,
     surroundings_from_plant,
     verify_file,
@@ -30,6 +29,7 @@ from drake_polygrasp.cli.main import main
 from drake_polygrasp.grasp import Verdict
 from drake_polygrasp.loading.surroundings import obstacles_of
 from tests.loading.test_plant_objects import CUBE, X_WB, Furnish, anchored, welded, world
+from tests.support.planned import exact_plan
 from tests.support.plant_scenes import MODELS, cube_grasp, model
 
 TIP = 0.002
@@ -108,7 +108,7 @@ def test_what_is_planned_around_a_scene_passes_in_it() -> None:
     surroundings = surroundings_from_plant(*scenery.asked)
 
     def verdicts(top: int, **options: Any) -> set[Verdict]:
-        plan = plan_grasps(model("cube"), top=top, **options)
+        plan = exact_plan(model("cube"), top=top, **options)
         ranked = rank_in_plant(model("cube"), plan, surroundings=surroundings)
         return {grasp.plant.verdicts[2].verdict for grasp in ranked.grasps if grasp.plant}
 

@@ -14,11 +14,11 @@ from drake_polygrasp.cli.main import main
 from drake_polygrasp.errors import GraspFileError, UsageError
 from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
 from drake_polygrasp.loading.object_model import load_object, load_solid
-from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.plant.certify_in_plant import certify_in_plant
 from drake_polygrasp.verification.report import Status
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.convex_polyhedra import prism, write_obj
+from tests.support.planned import exact_plan
 from tests.support.solids import regular_polygon
 
 
@@ -53,7 +53,7 @@ def test_millimetres_scaled_are_metres(tmp_path: Path) -> None:
 
 def test_the_scale_is_in_the_file_and_repeated_by_whoever_reads_it(tmp_path: Path) -> None:
     object_ = load_object(hexagon(tmp_path, 1000.0), scale=0.001)
-    plan = plan_grasps(object_, top=1)
+    plan = exact_plan(object_, top=1)
     file = tmp_path / "hexagon.grasp.yaml"
     save_grasps(file, object_, plan.grasps, plan.settings)
     assert load_grasps(file).object_.scale == 0.001

@@ -12,7 +12,7 @@ import pytest
 import shapely
 from scipy.optimize import linprog
 
-from drake_polygrasp import UsageError, epsilon_gap, load_object, plan_grasps
+from drake_polygrasp import UsageError, epsilon_gap, load_object
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.robustness import epsilon_interval
 from drake_polygrasp.cli.main import main
@@ -33,6 +33,7 @@ from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions, epsilon_upper_bound
 from drake_polygrasp.wrenches.support import cone_wrenches, support
 from tests.support.convex_polyhedra import ellipsoid_hull
+from tests.support.planned import exact_plan
 from tests.support.solids import cube, face, regions_of, solid
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -241,7 +242,7 @@ def test_an_incumbent_above_the_truth_spoils_nothing() -> None:
 
 def test_a_plan_is_below_its_bound_and_the_better_grasp_is_one() -> None:
     block = load_object(MODELS / "skewed_block" / "skewed_block.sdf")
-    plan = plan_grasps(block, top=1)
+    plan = exact_plan(block, top=1)
     gap = epsilon_gap(block, plan, nodes=1500)
     assert gap.rank == 1
     assert plan.grasps[0].certificate.epsilon_lower <= gap.epsilon <= gap.epsilon_bound
@@ -255,8 +256,8 @@ def test_a_plan_is_below_its_bound_and_the_better_grasp_is_one() -> None:
 
 def test_excluded_faces_are_excluded_from_the_bound_too() -> None:
     brick = load_object(MODELS / "brick" / "brick.urdf")
-    everywhere = epsilon_gap(brick, plan_grasps(brick, top=1), nodes=100)
-    none = epsilon_gap(brick, plan_grasps(brick, top=1, exclude_faces=range(1, 6)), nodes=100)
+    everywhere = epsilon_gap(brick, exact_plan(brick, top=1), nodes=100)
+    none = epsilon_gap(brick, exact_plan(brick, top=1, exclude_faces=range(1, 6)), nodes=100)
     assert (none.epsilon_bound, none.complete) == (0.0, True)
     assert everywhere.epsilon_bound > 0
 
@@ -299,7 +300,7 @@ def test_curved_bodies_have_no_gap_and_are_told_so(
 
 def test_nodes_are_a_positive_number() -> None:
     with pytest.raises(UsageError, match="nodes is 0; it must be at least 1"):
-        epsilon_gap(CUBE, plan_grasps(CUBE, top=1), nodes=0)
+        epsilon_gap(CUBE, exact_plan(CUBE, top=1), nodes=0)
 
 
 def test_progress_is_told_in_nodes() -> None:
@@ -307,7 +308,7 @@ def test_progress_is_told_in_nodes() -> None:
     told: list[tuple[int, int]] = []
     gap = epsilon_gap(
         object_,
-        plan_grasps(object_, top=1),
+        exact_plan(object_, top=1),
         nodes=3000,
         progress=lambda done, total: told.append((done, total)),
     )

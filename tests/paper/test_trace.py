@@ -15,7 +15,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from drake_polygrasp import GraspObject, UsageError, explain_sets, load_object, plan_grasps
+from drake_polygrasp import GraspObject, UsageError, explain_sets, load_object
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.paper.orientation import least_ball_centre
 from drake_polygrasp.paper.reasons import MEANING
@@ -29,6 +29,7 @@ from drake_polygrasp.visualization.meshes import piece_outline, section_lines
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE
 from drake_polygrasp.visualization.sketch import draw_faces, draw_sketch
 from tests.support.grasp_files import BOX_SDF
+from tests.support.planned import exact_plan
 
 MODELS = Path(__file__).parents[2] / "models"
 FILES = {
@@ -64,7 +65,7 @@ def test_a_set_ends_in_its_trace_as_it_does_in_explain(name: str) -> None:
 
 @pytest.mark.parametrize("name", FILES)
 def test_traced_contacts_are_the_planned_ones(name: str) -> None:
-    for certified in plan_grasps(object_(name), method="paper", top=50).grasps:
+    for certified in exact_plan(object_(name), method="paper", top=50).grasps:
         grasp = certified.grasp
         its = traces(name)[tuple(sorted({*grasp.faces}))]
         assert its.faces == grasp.faces
@@ -252,7 +253,7 @@ def test_the_force_triangle_closes() -> None:
 @pytest.mark.parametrize("with_grasp", [False, True])
 def test_a_sketch_shows_the_whole_object_and_tints_what_is_touched(with_grasp: bool) -> None:
     bracket = object_("l_bracket")
-    grasp = plan_grasps(bracket, top=1).grasps[0] if with_grasp else None
+    grasp = exact_plan(bracket, top=1).grasps[0] if with_grasp else None
     ax = Figure().add_subplot(projection="3d")
     draw_sketch(ax, bracket, grasp)
     low, high = np.array([ax.get_xlim(), ax.get_ylim(), ax.get_zlim()]).T
@@ -266,7 +267,7 @@ def test_a_sketch_shows_the_whole_object_and_tints_what_is_touched(with_grasp: b
 
 def test_a_sketch_outlines_what_contacts_may_touch() -> None:
     bracket = object_("l_bracket")
-    grasp = plan_grasps(bracket, top=1, placement_error=0.002).grasps[0]
+    grasp = exact_plan(bracket, top=1, placement_error=0.002).grasps[0]
     assert grasp.region is not None
     numbers = []
     for shown in (grasp, replace(grasp, region=None)):
@@ -301,7 +302,7 @@ def test_fingertips_are_judged_where_a_patch_lets_them_touch(tmp_path: Path) -> 
     sdf = BOX_SDF.replace("<box><size>0.1 0.1 0.2</size></box>", can)
     (tmp_path / "can.sdf").write_text(sdf)
     body = load_object(tmp_path / "can.sdf")
-    best = plan_grasps(body, method="paper", top=1).grasps[0].grasp
+    best = exact_plan(body, method="paper", top=1).grasps[0].grasp
     figure = draw_trace(
         trace_set(body, sorted({*best.faces})), body, 0.02 * body.polyhedron.diameter
     )

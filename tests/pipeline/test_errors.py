@@ -10,7 +10,7 @@ from drake_polygrasp.certification import exact
 from drake_polygrasp.geometry.regions import erode
 from drake_polygrasp.geometry.surface_contact import edge_distance
 from drake_polygrasp.pipeline.friction_left import NO_FRICTION, friction_left, friction_that_leaves
-from drake_polygrasp.settings import MAX_TILT_ERROR, PlanOptions
+from drake_polygrasp.settings import MAX_TILT_ERROR, NO_ERRORS, PlanOptions
 from tests.support.convex_polyhedra import prism
 from tests.support.miss_judge import is_force_closure
 from tests.support.plant_scenes import model
@@ -69,11 +69,11 @@ def test_what_holds_at_the_models_friction_only_is_not_planned() -> None:
     ends = [k for k, face in enumerate(faces) if abs(face.R_BF[2, 2]) > 0.5]
     others = [*ends, next(k for k in range(len(faces)) if k not in ends)]
     for tilt, holds in ((0.0, True), (0.01, True), (0.05, False)):  # 0.584 and 0.534 are left
-        asked = {"exclude_faces": others, "tip_radius": 0.0, "tilt_error": tilt}
-        plan = plan_grasps(wedge, **asked)  # type: ignore[arg-type]
+        asked = NO_ERRORS | {"exclude_faces": others, "tip_radius": 0.0, "tilt_error": tilt}
+        plan = plan_grasps(wedge, **asked)
         assert bool(plan.grasps) == holds
         assert holds or plan.outcome == "no_certified_grasp"
-        assert ("certified" in explain_sets(wedge, **asked).counts) == holds  # type: ignore[arg-type]
+        assert ("certified" in explain_sets(wedge, **asked).counts) == holds
 
 
 def test_the_friction_needed_is_that_for_all_errors() -> None:
@@ -87,13 +87,13 @@ def test_the_friction_needed_is_that_for_all_errors() -> None:
 
 def test_explanations_and_plans_with_errors_agree() -> None:
     bracket = model("l_bracket")
-    errors = {"placement_error": 0.004, "tilt_error": TILT, "friction_error": SHARE}
-    explanation = explain_sets(bracket, **errors)  # type: ignore[arg-type]
+    errors = NO_ERRORS | {"placement_error": 0.004, "tilt_error": TILT, "friction_error": SHARE}
+    explanation = explain_sets(bracket, **errors)
     reasons = {
         frozenset(faces) - {-1}: reason
         for faces, reason in zip(explanation.faces.tolist(), explanation.reasons, strict=True)
     }
-    plan = plan_grasps(bracket, top=100, **errors)  # type: ignore[arg-type]
+    plan = plan_grasps(bracket, top=100, **errors)
     assert plan.grasps
     assert {reasons[frozenset(found.grasp.faces)] for found in plan.grasps} == {"certified"}
 
@@ -117,10 +117,14 @@ def test_contacts_keep_the_greater_of_clearance_and_miss() -> None:
     expected = [(0.06 - 2 * rim) * (0.008 - 2 * rim)] * 4 + [(0.06 - 2 * top) ** 2] * 2
     assert area["default"] == pytest.approx(expected)
     assert len(set(area["each"].round(9))) == 6
-    assert PlanOptions(edge_clearance=1e-3, placement_error=2e-3).resolve(L).edge_clearance == 2e-3
+    assert (
+        PlanOptions(edge_clearance=1e-3, placement_error=2e-3).resolve(L, 0.3).edge_clearance
+        == 2e-3
+    )
 
 
 def test_errors_are_stated_only_where_there_are_any() -> None:
-    stated = PlanOptions(placement_error=1e-3, com_error=2e-3).resolve(1.0).stated
+    asked = NO_ERRORS | {"placement_error": 1e-3, "com_error": 2e-3}
+    stated = PlanOptions(**asked).resolve(1.0, 0.3).stated
     assert (stated["placement_error"], stated["com_error"]) == (1e-3, 2e-3)
     assert not {"tilt_error", "friction_error"} & set(stated)

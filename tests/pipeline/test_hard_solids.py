@@ -9,8 +9,8 @@ import shapely
 from benchmarks.coverage import best_of_paper
 from benchmarks.hard_objects import stellated
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.pipeline.plan import plan_grasps
 from tests.support.convex_polyhedra import prism
+from tests.support.planned import exact_plan
 from tests.support.solids import solid
 
 
@@ -63,7 +63,7 @@ def test_the_best_default_grasp_is_at_least_the_best_of_the_paper(
 ) -> None:
     object_ = solid(triangles, mu=mu)
     paper = best_of_paper(object_)
-    grasps = plan_grasps(object_).grasps
+    grasps = exact_plan(object_).grasps
     best = max((found.certificate.epsilon_upper for found in grasps), default=0.0)
     assert paper > 0
     assert best >= paper

@@ -18,13 +18,15 @@ from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.orientation import sets_oppose
 from drake_polygrasp.pipeline import judging, longer_search
 from drake_polygrasp.pipeline.explain import Explanation, explain_sets
-from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
+from drake_polygrasp.pipeline.plan import GraspPlan
 from drake_polygrasp.search.every_set import triples_on_each_set
 from drake_polygrasp.search.face_support import contacts_on, points_on
 from drake_polygrasp.search.sample_points import sample_points
+from drake_polygrasp.settings import NO_ERRORS
 from drake_polygrasp.wrenches.contacts import force_closure
 from tests.pipeline.test_hard_solids import gear, spiked_cube, star
 from tests.support.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism
+from tests.support.planned import exact_plan
 from tests.support.solids import cube, regular_prism, solid
 
 
@@ -64,35 +66,39 @@ def test_no_set_that_any_plan_certifies_is_called_rejected(
     make: Callable[[], GraspObject],
 ) -> None:
     object_ = make()
-    explained = certified_sets(explain_sets(object_))
+    explained = certified_sets(explain_sets(object_, **NO_ERRORS))
     for top in (1, 10, 100, 1000):
         for effort in ("full", "quick"):
-            planned = certified_sets(plan_grasps(object_, top=top, effort=effort))
+            planned = certified_sets(exact_plan(object_, top=top, effort=effort))
             assert planned <= explained, (top, effort)
 
 
 @pytest.mark.parametrize("name", ["bracket", "star"])
 def test_a_complete_plan_counts_as_explain_does_however_many_grasps_it_returns(name: str) -> None:
     object_ = OBJECTS[name]()
-    counts = explain_sets(object_).counts
+    counts = explain_sets(object_, **NO_ERRORS).counts
     for top in (1, 30):
-        plan = plan_grasps(object_, top=top, effort="complete")
+        plan = exact_plan(object_, top=top, effort="complete")
         assert plan.reasons == counts
         assert plan.num_not_evaluated == 0
         assert plan.num_certified == counts["certified"] >= len(plan.grasps) == top
 
 
 def test_of_a_bracket_with_enough_asked_for_all_sets_are_evaluated() -> None:
-    plan = plan_grasps(bracket(), top=1000)
+    plan = exact_plan(bracket(), top=1000)
     assert plan.num_not_evaluated == 0
-    assert len(plan.grasps) == plan.num_certified == explain_sets(bracket()).counts["certified"]
+    assert (
+        len(plan.grasps)
+        == plan.num_certified
+        == explain_sets(bracket(), **NO_ERRORS).counts["certified"]
+    )
 
 
 def test_a_tetrahedron_of_little_friction_has_no_grasp_and_every_set_was_evaluated() -> None:
     """Its faces oppose each other only above mu = 1 / sqrt(8)."""
-    plan = plan_grasps(tetrahedron(0.35))
+    plan = exact_plan(tetrahedron(0.35))
     assert (plan.outcome, plan.reasons) == ("no_certified_grasp", {"orientation": 10})
-    assert plan_grasps(tetrahedron(0.36)).outcome == "grasps"
+    assert exact_plan(tetrahedron(0.36)).outcome == "grasps"
 
 
 def test_where_not_all_sets_were_evaluated_no_grasp_is_only_not_found(
@@ -100,13 +106,13 @@ def test_where_not_all_sets_were_evaluated_no_grasp_is_only_not_found(
 ) -> None:
     """A gear without friction to speak of holds nowhere, but planning ends before it is sure."""
     object_ = solid(gear(10), mu=1e-6)
-    plan = plan_grasps(object_, tip_radius=1.0)  # no such finger fits between its teeth
+    plan = exact_plan(object_, tip_radius=1.0)  # no such finger fits between its teeth
     assert plan.outcome == "no_certified_grasp"
     assert plan.num_not_evaluated == 0
     monkeypatch.setattr(longer_search, "CHUNKS", ())
     monkeypatch.setattr(longer_search, "ANY_SETS", 500)
     monkeypatch.setattr(judging, "ANY_SETS", 500)
-    plan = plan_grasps(object_, tip_radius=1.0)
+    plan = exact_plan(object_, tip_radius=1.0)
     assert plan.outcome == "none_found"
     assert plan.num_not_evaluated > 0
     assert sum(plan.reasons.values()) == plan.num_sets
@@ -115,12 +121,12 @@ def test_where_not_all_sets_were_evaluated_no_grasp_is_only_not_found(
     assert f"gear.obj: no grasp found; {left_out}" in message
     assert "--effort complete" in message
     assert "no certified grasp" not in message
-    assert plan_grasps(object_, tip_radius=1.0, effort="complete").outcome == "no_certified_grasp"
+    assert exact_plan(object_, tip_radius=1.0, effort="complete").outcome == "no_certified_grasp"
 
 
 def test_fewer_grasps_than_asked_for_are_sought_longer() -> None:
     object_ = solid(gear(10), mu=0.1)
-    found = [len(plan_grasps(object_, top=top).grasps) for top in (10, 300)]
+    found = [len(exact_plan(object_, top=top).grasps) for top in (10, 300)]
     assert found == [10, 300]
 
 

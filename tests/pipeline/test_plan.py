@@ -23,12 +23,13 @@ from drake_polygrasp.paper.stages import plan_sets
 from drake_polygrasp.pipeline import judging, proposals, request
 from drake_polygrasp.pipeline.candidates import project_candidates
 from drake_polygrasp.pipeline.explain import explain_sets
-from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
+from drake_polygrasp.pipeline.plan import GraspPlan
 from drake_polygrasp.search.triples import Triples
-from drake_polygrasp.settings import TIP_RADIUS, PlanOptions, Steps
+from drake_polygrasp.settings import NO_ERRORS, TIP_RADIUS, PlanOptions, Steps
 from drake_polygrasp.wrenches.epsilon_bound import FEW_ANGLES, epsilon_upper_bound
 from tests.support.convex_polyhedra import holed_prism, prism, tangent_polyhedron
 from tests.support.lp_judge import is_force_closure
+from tests.support.planned import exact_plan
 from tests.support.solids import cube, regular_prism, solid
 
 CHANNEL = shapely.box(0, 0, 0.1, 0.08) - shapely.box(0.03, 0.03, 0.07, 0.09)
@@ -53,8 +54,8 @@ STEPS = {
 @cache
 def plan(name: str, how: str = "all") -> GraspPlan:
     if how == "quick":
-        return plan_grasps(OBJECTS[name], effort="quick")
-    return plan_grasps(OBJECTS[name], steps=STEPS[how])
+        return exact_plan(OBJECTS[name], effort="quick")
+    return exact_plan(OBJECTS[name], steps=STEPS[how])
 
 
 def request_of(object_: GraspObject) -> request.PlanRequest:
@@ -142,7 +143,7 @@ def test_reasons_account_for_all_sets(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["octagonal prism", "many faces"])
 def test_what_is_planned_explain_certifies(name: str) -> None:
-    explanation = explain_sets(OBJECTS[name])
+    explanation = explain_sets(OBJECTS[name], **NO_ERRORS)
     assert "not_evaluated" not in explanation.reasons
     certified = {
         frozenset(faces) - {-1}
@@ -173,13 +174,13 @@ def test_with_many_regions_only_the_chosen_sets_are_evaluated_and_nothing_is_los
     few = plan("many faces")
     assert few.reasons["not_evaluated"] > 0.9 * few.num_sets
     monkeypatch.setattr(proposals, "MANY_REGIONS", 1000)
-    assert best(few) > 0.9 * best(plan_grasps(OBJECTS["many faces"]))
+    assert best(few) > 0.9 * best(exact_plan(OBJECTS["many faces"]))
 
 
 @pytest.mark.parametrize("rank", ["margin", "Q"])
 def test_other_ranks_are_of_the_papers_constructions(rank: judging.Rank) -> None:
     object_ = OBJECTS["channel"]
-    grasps = plan_grasps(object_, rank=rank).grasps
+    grasps = exact_plan(object_, rank=rank).grasps
     scores = [
         c.certificate.margin if rank == "margin" else c.grasp.quality.Q
         for c in grasps
@@ -190,7 +191,7 @@ def test_other_ranks_are_of_the_papers_constructions(rank: judging.Rank) -> None
 
 
 def test_a_plan_repeats() -> None:
-    again = plan_grasps(OBJECTS["holed prism"])
+    again = exact_plan(OBJECTS["holed prism"])
     for one, other in zip(plan("holed prism").grasps, again.grasps, strict=True):
         np.testing.assert_array_equal(one.grasp.p_BC, other.grasp.p_BC)
 
@@ -221,7 +222,7 @@ def test_a_quick_grasp_keeps_out_of_corners_that_improvement_leads_into(
 
     monkeypatch.setattr(proposals, "improved_triples", into_the_corner)
     monkeypatch.setattr(judging, "enriched", None)  # quick's own, not those that would follow
-    found = plan_grasps(object_, effort="quick", tip_radius=3 * deep)
+    found = exact_plan(object_, effort="quick", tip_radius=3 * deep)
     assert found.grasps
     for certified in found.grasps:
         grasp = certified.grasp
@@ -234,7 +235,7 @@ def test_where_a_quick_search_finds_none_the_full_one_follows(
     unseen = unplanned(np.array([[0, 1, 2]]))
     nothing = project_candidates(request_of(cube()), unseen, proposals.NO_TRIPLES)
     monkeypatch.setattr(judging, "quick", lambda *_: (nothing, np.empty(0)))
-    found, full = plan_grasps(cube(), effort="quick"), plan("cube")
+    found, full = exact_plan(cube(), effort="quick"), plan("cube")
     assert found.reasons == full.reasons
     assert found.grasps[0].grasp.p_BC.tolist() == full.grasps[0].grasp.p_BC.tolist()
     assert found.settings == replace(full.settings, effort="quick")
@@ -253,7 +254,7 @@ def test_quick_bounds_are_those_of_the_contacts_that_are_judged() -> None:
     "options", [{"exclude_faces": range(6)}, {"exclude_faces": range(4)}, {"edge_clearance": 1.0}]
 )
 def test_quick_says_what_full_says_where_nothing_holds(options: dict[str, Any]) -> None:
-    quick, full = (plan_grasps(cube(), effort=effort, **options) for effort in ("quick", "full"))
+    quick, full = (exact_plan(cube(), effort=effort, **options) for effort in ("quick", "full"))
     assert not quick.grasps
     assert (quick.reasons, quick.mu_needed) == (full.reasons, full.mu_needed)
 
@@ -263,14 +264,14 @@ def test_quick_says_what_full_says_where_nothing_holds(options: dict[str, Any]) 
 )
 def test_quick_is_of_one_method_and_rank(options: dict[str, Any]) -> None:
     with pytest.raises(UsageError, match="'quick' is for all steps of 'enriched'"):
-        plan_grasps(cube(), effort="quick", **options)
+        exact_plan(cube(), effort="quick", **options)
 
 
 def test_an_object_that_cannot_be_held_has_reasons() -> None:
     corners = 0.04 * np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1.0]])
     tetrahedron = solid(corners[[[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]], mu=0.3)
-    found = plan_grasps(tetrahedron)
-    assert plan_grasps(tetrahedron, effort="quick").reasons == found.reasons
+    found = exact_plan(tetrahedron)
+    assert exact_plan(tetrahedron, effort="quick").reasons == found.reasons
     assert not found.grasps
     assert found.reasons == {"orientation": 10}
     assert found.mu_needed == pytest.approx(np.tan(np.arcsin(1 / 3)))
@@ -280,7 +281,7 @@ def test_more_sets_than_can_be_followed_are_a_clear_mistake(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(request, "MOST_SETS", 34)
-    assert plan_grasps(cube(), exclude_faces=(0,), rank="Q").grasps
-    for ask in (explain_sets, lambda it: plan_grasps(it, method="paper")):
+    assert exact_plan(cube(), exclude_faces=(0,), rank="Q").grasps
+    for ask in (explain_sets, lambda it: exact_plan(it, method="paper")):
         with pytest.raises(UsageError, match=r"35 sets of faces are too many .* up to 34"):
             ask(cube())

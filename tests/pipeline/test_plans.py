@@ -16,9 +16,10 @@ from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.paper.reasons import REASONS
 from drake_polygrasp.paper.stages import plan_sets
 from drake_polygrasp.pipeline.explain import Explanation, explain_sets
-from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
-from drake_polygrasp.settings import Method
+from drake_polygrasp.pipeline.plan import GraspPlan
+from drake_polygrasp.settings import NO_ERRORS, Method
 from tests.support.lp_judge import is_force_closure
+from tests.support.planned import exact_plan
 from tests.support.surface_judge import on_surface
 
 MODELS = {
@@ -37,12 +38,12 @@ def load(name: str) -> GraspObject:
 
 @cache
 def plan(name: str, method: Method) -> GraspPlan:
-    return plan_grasps(load(name), method=method)
+    return exact_plan(load(name), method=method)
 
 
 @cache
 def explain(name: str, method: Method) -> Explanation:
-    return explain_sets(load(name), method=method)
+    return explain_sets(load(name), method=method, **NO_ERRORS)
 
 
 graspable = pytest.mark.parametrize("name", sorted(set(MODELS) - {"tetrahedron"}))
@@ -122,7 +123,7 @@ def test_the_tetrahedron_has_no_grasp_and_needs_tan_asin_a_third(method: Method)
     assert found.mu_needed == pytest.approx(np.tan(np.arcsin(1 / 3)), rel=1e-6)
     needed = np.tan(np.arcsin(1 / 3))
     for mu, holds in ((0.999 * needed, False), (1.01 * needed, True)):
-        grasps = plan_grasps(load_object(MODELS["tetrahedron"], mu=mu), method=method).grasps
+        grasps = exact_plan(load_object(MODELS["tetrahedron"], mu=mu), method=method).grasps
         assert bool(grasps) == holds
 
 
@@ -144,7 +145,7 @@ def test_where_the_set_of_best_quality_is_rejected_the_next_is_returned() -> Non
 
 @both_methods
 def test_the_same_object_has_the_same_grasps(method: Method) -> None:
-    again = plan_grasps(load("l_bracket"), method=method)
+    again = exact_plan(load("l_bracket"), method=method)
     for one, other in zip(plan("l_bracket", method).grasps, again.grasps, strict=True):
         np.testing.assert_array_equal(one.grasp.p_BC, other.grasp.p_BC)
         np.testing.assert_array_equal(
@@ -169,7 +170,7 @@ def test_enriched_grasps_come_best_epsilon_first_and_beat_the_paper_s(name: str)
 def test_more_clearance_keeps_contacts_from_edges() -> None:
     corners = load("brick").polyhedron.triangles_B.reshape(-1, 3)
     centre, half = (corners.max(axis=0) + corners.min(axis=0)) / 2, np.ptp(corners, axis=0) / 2
-    for certified in plan_grasps(load("brick"), edge_clearance=0.008).grasps:
+    for certified in exact_plan(load("brick"), edge_clearance=0.008).grasps:
         inset = np.sort(half - np.abs(certified.grasp.p_BC - centre), axis=1)
         assert (inset[:, 0] < 1e-9).all()
         assert (inset[:, 1] > 0.008 - 1e-9).all()

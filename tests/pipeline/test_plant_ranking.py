@@ -14,13 +14,13 @@ from drake_polygrasp import (
     GraspPlan,
     UsageError,
     load_grasps,
-    plan_grasps,
     rank_in_plant,
 )
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.grasp import AnyGrasp, PlantVerdict, Verdict
 from drake_polygrasp.plant import certify_in_plant as in_plant
 from drake_polygrasp.plant.certify_in_plant import PlantReport
+from tests.support.planned import exact_plan
 from tests.support.plant_scenes import model
 
 HOLDS, FAILS, UNDECIDED = Verdict.HOLDS, Verdict.FAILS, Verdict.UNDECIDED
@@ -29,7 +29,7 @@ MODELS = Path(__file__).parents[2] / "models"
 
 @pytest.fixture
 def plan() -> GraspPlan:
-    return plan_grasps(model("cube"), top=6)
+    return exact_plan(model("cube"), top=6)
 
 
 def answer(monkeypatch: pytest.MonkeyPatch, *verdicts: Verdict) -> list[AnyGrasp]:
@@ -130,7 +130,7 @@ def test_where_nothing_holds_in_the_plant_the_file_says_so_and_the_exit_status(
 def test_a_weightless_object_is_undecided_in_the_plant() -> None:
     """Without a mass nothing is simulated: neither holds nor fails, and said so."""
     weightless = replace(model("cube"), mass=None)
-    plan = plan_grasps(weightless, top=1)
+    plan = exact_plan(weightless, top=1)
     (grasp,) = rank_in_plant(weightless, plan).grasps
     assert grasp.plant is not None
     assert grasp.plant.verdict is UNDECIDED

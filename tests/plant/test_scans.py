@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drake_polygrasp import load_object, plan_grasps
+from drake_polygrasp import load_object
 from drake_polygrasp.geometry.surface_contact import TIP_SLACK, fingertip_fits, project_contacts
 from drake_polygrasp.geometry.tolerances import ON_SURFACE
 from drake_polygrasp.plant.contact_geometry import check_geometry
 from drake_polygrasp.plant.scratch_plant import make_scene
 from tests.support.common import grasp
 from tests.support.convex_polyhedra import write_obj
+from tests.support.planned import exact_plan
 from tests.support.plant_scenes import GRASPABLE, model
 from tests.support.scanned import Radius, blob, bottle, can, rounded_box, scan
 from tests.support.solids import random_contacts
@@ -36,7 +37,7 @@ def test_drake_finds_no_fault_with_any_ranked_grasp_of_a_scan(
 ) -> None:
     write_obj(tmp_path / "scan.obj", scan(SHAPES[shape], 2000, noise, seed=1))
     object_ = load_object(tmp_path / "scan.obj", mu=0.3)
-    plan = plan_grasps(object_, top=20, effort="quick")
+    plan = exact_plan(object_, top=20, effort="quick")
     assert len(plan.grasps) == 20
     scene = make_scene(object_, plan.grasps[0].grasp, plan.settings.tip_radius)
     for found in plan.grasps:
@@ -73,7 +74,7 @@ def test_planner_and_drake_agree_on_which_tips_fit(tmp_path: Path, shape: str) -
 
 @pytest.mark.parametrize("name", GRASPABLE)
 def test_fingertips_of_a_ranked_grasp_never_overlap(name: str) -> None:
-    plan = plan_grasps(model(name), top=10)
+    plan = exact_plan(model(name), top=10)
     p_BC = np.array([found.grasp.p_BC for found in plan.grasps])
     nhat_TB_B = np.array([found.grasp.nhat_TB_B for found in plan.grasps])
     p_BT = p_BC - plan.settings.tip_radius * nhat_TB_B

@@ -12,7 +12,7 @@ import shapely
 from pydrake.geometry import Mesh
 from pydrake.math import RigidTransform
 
-from drake_polygrasp import certify_in_plant, load_object, plan_grasps
+from drake_polygrasp import certify_in_plant, load_object
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.geometry.triangles import nearest_on_triangles, point_triangle_distance
@@ -25,6 +25,7 @@ from drake_polygrasp.plant.surface_distance import SurfaceDistance
 from tests.geometry.test_surface_contact import L_PROFILE
 from tests.support.common import grasp
 from tests.support.convex_polyhedra import prism, write_obj
+from tests.support.planned import exact_plan
 from tests.support.plant_scenes import cube_grasp, model
 from tests.support.surface_judge import nearest_point
 
@@ -118,7 +119,7 @@ def test_a_triangle_without_area_is_a_segment() -> None:
 def test_a_block_with_something_sharp_on_it_is_measured(tmp_path: Path, name: str) -> None:
     write_obj(tmp_path / "part.obj", SHARP[name](block()))
     object_ = load_object(tmp_path / "part.obj", mu=0.3)
-    plan = plan_grasps(object_, top=3)
+    plan = exact_plan(object_, top=3)
     for found in plan.grasps:
         report = certify_in_plant(object_, found.grasp, tip_radius=plan.settings.tip_radius)
         geometry = next(v for v in report.verdicts if v.name == "geometry")

@@ -9,7 +9,6 @@ import pytest
 from pydrake.geometry import Meshcat
 from pydrake.multibody.tree import SpatialInertia
 
-from drake_polygrasp import plan_grasps
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.holding_forces import Holding, normal_forces
 from drake_polygrasp.certification.robustness import GRAVITY
@@ -18,6 +17,7 @@ from drake_polygrasp.plant.loads import LoadPlan, plan_loads
 from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
 from drake_polygrasp.plant.simulation import SimulationOutcome, SimulationRecord, judge, simulate
 from tests.support.common import grasp
+from tests.support.planned import exact_plan
 from tests.support.plant_scenes import cube_forces, cube_scene, model, top_grasp, top_scene
 
 X, Y, Z = np.eye(3)
@@ -94,7 +94,7 @@ def test_what_is_squeezed_hard_creeps_no_more_for_it() -> None:
 
 @pytest.mark.parametrize(("name", "rank"), [("octahedron", 10), ("frustum", 9)])
 def test_near_the_limit_of_friction_it_holds_until_it_is_not_enough(name: str, rank: int) -> None:
-    plan = plan_grasps(model(name), top=10)
+    plan = exact_plan(model(name), top=10)
     certified = plan.grasps[rank - 1]
     mu_min = certified.certificate.mu_min
     assert mu_min > 0.7 * certified.grasp.mu.max()

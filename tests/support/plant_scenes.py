@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_polygrasp import CertifiedGrasp, Grasp, GraspObject, load_object, plan_grasps
+from drake_polygrasp import CertifiedGrasp, Grasp, GraspObject, load_object
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.holding_forces import Holding, spare_friction
 from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
 from tests.support.common import grasp
+from tests.support.planned import exact_plan
 
 MODELS = Path(__file__).parents[2] / "models"
 GRASPABLE = sorted(
@@ -30,7 +31,7 @@ def model(name: str) -> GraspObject:
 @cache
 def top_grasp(name: str) -> tuple[CertifiedGrasp, float]:
     """The best grasp of a model, and the tip radius of its plan [m]."""
-    plan = plan_grasps(model(name), top=1)
+    plan = exact_plan(model(name), top=1)
     return plan.grasps[0], plan.settings.tip_radius
 
 

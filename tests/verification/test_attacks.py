@@ -23,13 +23,13 @@ from drake_polygrasp.geometry.surface import Part, build_polyhedron
 from drake_polygrasp.geometry.surface_contact import face_at, locate_contacts
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspObject, GraspPlane, Verdict
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.verification.report import Status
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.common import random_contacts
 from tests.support.convex_polyhedra import prism, write_obj
 from tests.support.grasp_files import BOX_SDF, EXAMPLE, Document, edit, write_box
 from tests.support.lp_judge import is_force_closure
+from tests.support.planned import exact_plan
 from tests.support.surface_judge import is_exposed
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -172,7 +172,7 @@ def test_within_the_placement_tolerance_contacts_stay_on_their_faces_and_hold(na
     object_ = load_object(next((MODELS / name).glob("*.*df")))
     rng = np.random.default_rng(0)
     # Hardly any clearance, so that edges and holes are near.
-    for certified in plan_grasps(object_, edge_clearance=1e-5, tip_radius=0.0, top=5).grasps:
+    for certified in exact_plan(object_, edge_clearance=1e-5, tip_radius=0.0, top=5).grasps:
         grasp = certified.grasp
         step = rng.normal(size=(20, 3, 3))
         step -= np.einsum("kij,ij->ki", step, grasp.nhat_TB_B)[..., None] * grasp.nhat_TB_B

@@ -15,9 +15,9 @@ from drake_polygrasp.errors import GraspFileError, UsageError
 from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
 from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.common import round_body
+from tests.support.planned import exact_plan
 
 ANGLE, DEPTH = 0.3, 2e-3
 
@@ -35,7 +35,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A grasp file of an egg with patches as asked for, beside its model."""
     folder = tmp_path_factory.mktemp("egg")
     egg = load_object(write_egg(folder / "egg.obj"), patch_angle=ANGLE, patch_depth=DEPTH)
-    plan = plan_grasps(egg, top=2)
+    plan = exact_plan(egg, top=2)
     save_grasps(folder / "egg.grasp.yaml", egg, plan.grasps, plan.settings)
     return folder / "egg.grasp.yaml"
 

@@ -20,10 +20,10 @@ from drake_polygrasp.errors import GraspFileError, ModelError
 from drake_polygrasp.files.grasp_file import grasp_document, save_grasps
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 from drake_polygrasp.loading.object_model import load_object
-from drake_polygrasp.pipeline.plan import plan_grasps
 from drake_polygrasp.verification.report import Status
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.grasp_files import BOX_SDF, EXAMPLE, Document, edit, rebalance, write_box
+from tests.support.planned import exact_plan
 
 MODELS = sorted(Path(__file__).parents[2].glob("models/*/*.*df"))
 PROVED, RECOMPUTED, FAILED = Status.PROVED, Status.RECOMPUTED, Status.FAILED
@@ -327,7 +327,7 @@ def test_mu_min_without_its_witness_is_proved_by_another(wedge: Path) -> None:
 def test_every_grasp_planned_on_a_model_is_borne_out(tmp_path: Path, model: Path) -> None:
     object_ = load_object(model)
     for method in ("paper", "enriched"):
-        plan = plan_grasps(object_, method=method)
+        plan = exact_plan(object_, method=method)
         save_grasps(tmp_path / "planned.grasp.yaml", object_, plan.grasps, plan.settings)
         report = verify_file(tmp_path / "planned.grasp.yaml")
         assert report.holds == (model.stem != "tetrahedron"), report
@@ -364,7 +364,7 @@ def test_a_number_of_any_size_in_any_place_is_answered(box: Path, size: float) -
 @pytest.mark.parametrize(("factor", "holds"), [(1.0, True), (0.9995, False)])
 def test_a_claim_may_be_as_close_as_it_is_true(tmp_path: Path, factor: float, holds: bool) -> None:
     object_ = load_object(next(path for path in MODELS if path.stem == "cube"))
-    plan = plan_grasps(object_, top=1)
+    plan = exact_plan(object_, top=1)
     (found,) = plan.grasps
     contacts = found.grasp.p_BC, found.grasp.nhat_TB_B, found.grasp.mu
     scale = object_.p_BBcm, object_.rho
