@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks import measure, scans
+from benchmarks import measure, scans, shell
 from benchmarks.long_search import Effort, best_known
 from benchmarks.measure import peers
 from benchmarks.objects import generated, models
@@ -224,6 +224,26 @@ def test_the_grasps_of_a_scan_are_counted_and_asked_about() -> None:
     assert (found.num_grasps, found.faults) == (2, [])
     assert found.epsilon is not None
     assert found.epsilon > 0.05
+
+
+def test_the_time_of_a_command_is_that_of_all_its_processes() -> None:
+    burn = "import time\nwhile time.process_time() < 0.3: pass"
+    child = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {burn!r}])"
+    for command in (burn, child):
+        seconds = shell.run([sys.executable, "-c", command], {})
+        assert seconds.processor >= 0.3
+        assert seconds.clock >= 0.3
+    assert shell.Seconds(3.0, 8.0).over(shell.Seconds(2.0, 4.0)) == (1.5, 2.0)
+
+
+def test_commands_are_timed_beside_drake_s_parser(tmp_path: Path) -> None:
+    cube_file = ROOT / "models" / "cube" / "cube.sdf"
+    (name, seconds, ratio), *others = shell.measure(cube_file, 1, tmp_path)
+    assert (name, ratio) == ("Drake's Parser", (1.0, 1.0))
+    assert {other[0] for other in others} >= {"plan", "verify", "explain", "--help"}
+    for _, other, quotient in others:
+        assert quotient.processor == pytest.approx(other / seconds)
+    assert (tmp_path / "written.grasp.yaml").is_file()
 
 
 def test_the_documentation_s_commands_take_the_options_that_it_gives_them() -> None:
