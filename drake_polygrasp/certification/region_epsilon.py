@@ -24,6 +24,7 @@ from drake_polygrasp.certification.simplex_cycle import (
 )
 from drake_polygrasp.certification.swept_facets import (
     LoadNorm,
+    Refinement,
     SweptFacets,
     lowest_twists,
     raised,
@@ -43,20 +44,21 @@ from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
 _RELATIVE_GAP = 0.02
 """Our choice: how far apart the bounds may stay, over the upper one."""
+_GROWTH = (0.2, 0.5, 0.7, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97, 0.985, 1.0)
 _ATTEMPTS = (
-    (0.05, (1.0,)),
-    (0.01, (0.1, 0.2, 0.35, 0.5, 0.6, 0.7, 0.78, 0.85, 0.9, 0.95, 1.0)),
+    (0.02, Refinement(at_once=4, most_rounds=16, patience=3), (1.0,)),
+    (0.05, Refinement(at_once=1, most_rounds=30, patience=7), _GROWTH),
 )
-"""Our choice: how near to its support a hull comes, over its own distance, and the shares by which
-regions grow around their middles until its facets prove something for all of them."""
+"""Our choice: how near to its support a hull comes, over its own distance, how far its facets are
+refined, and the shares by which regions grow around their middles until these prove something."""
 _MOST_CRITICAL = 12
 _DIGITS = 9
 """Our choice: decimals of what is compared."""
 _STEEPEST, _HAIR = 1e9, 1e-14
 """Our choice: the tangent of a right angle; and what tangents and friction are off, relative."""
 _FIRST_TURNS = np.array([0.3, 1.9, 3.4, 5.0])
-_MOST_FIRST, _MOST_INSERTIONS = 40, 30
-"""Our choice: generators that are added at most to the first hull, and to its facets."""
+_MOST_FIRST = 40
+"""Our choice: generators that are added at most to the first hull."""
 _ROUNDING = 1e-12
 """A height is a sum of six products below 2 (1 + mu), each off by a few times 2^-53 of that: this
 much, times 1 + mu, is taken off heights for it, and of their quotients for the norms' roundings."""
@@ -162,16 +164,19 @@ def region_epsilon(
         relative_gap,
     )
     norms = [LoadNorm(com_error / rho, forces_only) for forces_only in (False, True)]
-    for gap, shares in _ATTEMPTS:
-        outcome = _attempt(task, norms if mass else norms[:1], gap, shares)
-        if not outcome.is_open:
+    outcomes = []
+    for gap, refinement, shares in _ATTEMPTS:
+        outcomes.append(_attempt(task, norms if mass else norms[:1], gap, refinement, shares))
+        if not outcomes[-1].is_open:
             break
+    outcome = max(outcomes, key=_Outcome.bounds)
+    upper = min(each.upper for each in outcomes)
     epsilon, weight = outcome.proofs[0], outcome.proofs[1] if mass else None
     lower = epsilon.bound if epsilon else 0.0
     squeeze = at_least(mass * GRAVITY / weight.bound) if mass and weight else None
     made = outcome.generators
     proof = RegionProof(frozen(made.contact, int), frozen(made.force), epsilon, weight)
-    return RegionEpsilon(lower, at_least(max(outcome.upper, lower, 0.0)), squeeze, proof)
+    return RegionEpsilon(lower, at_least(max(upper, lower, 0.0)), squeeze, proof)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,18 +209,26 @@ class _Outcome:
     upper: float
     is_open: bool
 
+    def bounds(self) -> tuple[float, ...]:
+        """What is proved in each norm."""
+        return tuple(proof.bound if proof else 0.0 for proof in self.proofs)
+
 
 def _attempt(
-    task: _Task, norms: Sequence[LoadNorm], gap: float, shares: Sequence[float]
+    task: _Task,
+    norms: Sequence[LoadNorm],
+    gap: float,
+    refinement: Refinement,
+    shares: Sequence[float],
 ) -> _Outcome:
     """Proves what facets of a hull prove that is within a gap of its support."""
     generators = SweptGenerators(task.contacts)
     simplices, w = _first_facets(generators, gap)
     is_around = bool(task.contacts.mu.min() > 0.0) and encloses(generators.middle, simplices)
     proofs: list[FacetProof | None] = []
-    uppers, is_open = [], False
+    is_open = False
     for norm in norms:
-        facets, tried = swept_facets(generators, simplices, w, norm), [task.start]
+        facets, tried = SweptFacets(simplices, w, np.zeros(len(w))), [task.start]
         proof = None
         if is_around:
             ceiling = _Ceiling(generators, task.served, norm)
@@ -224,20 +237,22 @@ def _attempt(
                 generators.range_by(share)
                 facets = swept_facets(generators, facets.simplices, facets.twists, norm)
                 facets = raised(
-                    generators, facets, norm, ceiling.lowered, task.relative_gap, _MOST_INSERTIONS
+                    generators, facets, norm, ceiling.lowered, task.relative_gap, refinement
                 )
                 # What is lost in smaller regions is not found in larger ones.
                 if facets.values.min() <= 0.0:
                     break
             generators.range_by(1.0)
             proof = _proved(generators, facets, norm)
-            simplices, w = facets.simplices, facets.twists
+            if proof is not None:
+                simplices, w = facets.simplices, facets.twists
             is_open |= proof is None and ceiling.bound > 0.0
             tried.append(ceiling.w[None])
         proofs.append(proof)
-        worst = WorstPlacement(task.possible, task.tilt_error, norm)
-        uppers.append(worst.lowered(np.concatenate([*tried, lowest_twists(facets)])))
-    return _Outcome(generators, proofs, uppers[0], is_open)
+        if norm is norms[0]:
+            worst = WorstPlacement(task.possible, task.tilt_error, norm)
+            upper = worst.lowered(np.concatenate([*tried, lowest_twists(facets)]))
+    return _Outcome(generators, proofs, upper, is_open)
 
 
 def _ranging(
@@ -289,8 +304,7 @@ def _first_facets(generators: SweptGenerators, gap: float) -> tuple[Ints, Array]
     for _ in range(_MOST_FIRST):
         w, offset = hull.twists()
         lowest = int(np.round(offset, _DIGITS).argmin())
-        contact, force, _ = generators.best_forces(w[lowest])
-        generators.add(np.array([contact]), force[None])
+        generators.add_best_at_middles(w[lowest])
         reached = float((generators.middle[-1] * w[lowest]).sum())
         if reached <= max(float(offset[lowest]) * (1.0 + gap), 0.0):
             break
@@ -315,9 +329,9 @@ class _Ceiling:
     def lowered(self, w: Array) -> float:
         """The least bound with more twists."""
         before = self._worst.bound
-        if self._worst.lowered(w) < before:
-            _, _, most = self._generators.best_forces(self.w)
-            self.bound = min(self.bound, most / float(self._norm.of(self.w[None])[0]))
+        if len(w) and self._worst.lowered(w) < before:
+            _, _, most = self._generators.best_forces(self.w[None])
+            self.bound = min(self.bound, float(most[0] / self._norm.of(self.w[None])[0]))
         return self.bound
 
 

@@ -120,67 +120,79 @@ def _ridge_keys(simplices: Ints) -> Ints:
     return np.asarray((simplices[:, _FIVES] * _POWERS[:5]).sum(axis=-1))
 
 
-def simplex_keys(simplices: Ints) -> Ints:
-    """Returns a number that identifies each simplex.
+def simplex_boundary(simplices: Ints, part: Ints) -> tuple[Ints, Ints]:
+    """Returns the boundaries of parts of a surface: ridges in an odd number of simplices of one.
 
     Args:
         simplices: rows of six ascending indices of points, shape (J, 6).
-
-    Returns:
-        The numbers, shape (J,).
-    """
-    return np.asarray((simplices * _POWERS).sum(axis=-1))
-
-
-def simplex_boundary(simplices: Ints) -> tuple[Ints, Ints]:
-    """Returns the boundary of a surface: the ridges in an odd number of its simplices.
-
-    Args:
-        simplices: rows of six ascending indices of points, shape (J, 6).
+        part: number of the part that each is in, shape (J,).
 
     Returns:
         The ridges, shape (R, 5), and the index of one simplex with each, shape (R,).
     """
-    _, first, counts = np.unique(_ridge_keys(simplices), return_index=True, return_counts=True)
+    keys = _ridge_keys(simplices) + part[:, None] * MOST_POINTS**5
+    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
     odd = first[counts % 2 == 1]
     return simplices[:, _FIVES].reshape(-1, 5)[odd], odd // 6
 
 
-def coned(ridges: Ints, apex: int) -> Ints:
-    """Returns the simplices of ridges and one more point.
+def coned(ridges: Ints, apex: int | Ints) -> Ints:
+    """Returns the simplices of ridges and one more point each.
 
     Args:
-        ridges: rows of five ascending indices of points, shape (R, 5); those with `apex` are left
-            out.
-        apex: index of the point.
+        ridges: rows of five ascending indices of points, shape (R, 5).
+        apex: index of the point, or of a point for each, shape (R,); none is in its ridge.
 
     Returns:
-        The simplices, shape (J, 6).
+        The simplices, shape (R, 6).
     """
-    ridges = ridges[(ridges != apex).all(axis=1)]
-    return np.sort(np.column_stack([ridges, np.full(len(ridges), apex)]), axis=1)
+    return np.sort(np.column_stack([ridges, np.broadcast_to(apex, len(ridges))]), axis=1)
 
 
-def connected(simplices: Ints, among: Bools, start: int) -> Bools:
-    """Finds the simplices that are connected with one of them through common ridges.
+def modulo_2(simplices: Ints) -> Ints:
+    """Returns one index of each simplex that is there an odd number of times, ascending.
 
     Args:
         simplices: rows of six ascending indices of points, shape (J, 6).
-        among: simplices that count, shape (J,).
-        start: index of the simplex to start at.
+    """
+    keys = (simplices * _POWERS).sum(axis=-1)
+    _, first, counts = np.unique(keys, return_index=True, return_counts=True)
+    return np.sort(first[counts % 2 == 1])
+
+
+def connected(simplices: Ints, part: Ints, starts: Ints) -> Bools:
+    """Finds the simplices that are connected with given ones within parts of a surface.
+
+    Args:
+        simplices: rows of six ascending indices of points, shape (J, 6).
+        part: number of the part that each is in, shape (J,).
+        starts: indices of simplices to start at, shape (N,).
 
     Returns:
-        Whether each simplex is connected with it, shape (J,).
+        Whether each simplex is connected with one of those through ridges between simplices of its
+        own part, shape (J,).
     """
-    keys = _ridge_keys(simplices)
+    across = _across_ridges(simplices)
     reached = np.zeros(len(simplices), dtype=bool)
-    reached[start] = True
-    front = keys[start]
+    reached[starts] = True
+    front = starts
     while len(front):
-        grown = among & ~reached & np.isin(keys, front).any(axis=1)
-        reached |= grown
-        front = keys[grown].ravel()
+        near = across[front]
+        front = np.unique(near[(part[near] == part[front, None]) & ~reached[near]])
+        reached[front] = True
     return reached
+
+
+def _across_ridges(simplices: Ints) -> Ints:
+    """Returns a simplex across each ridge, shape (J, 6); where more meet they follow in a ring."""
+    keys = _ridge_keys(simplices).ravel()
+    order = np.argsort(keys, kind="stable")
+    rank, is_new = np.arange(len(keys)), np.append(True, np.diff(keys[order]) > 0)
+    is_last = np.append(is_new[1:], True)
+    next_ = np.where(is_last, np.maximum.accumulate(np.where(is_new, rank, 0)), rank + 1)
+    across = np.empty(len(keys), dtype=np.int64)
+    across[order] = order[next_] // 6
+    return across.reshape(-1, 6)
 
 
 def is_closed(simplices: Ints) -> bool:
@@ -248,3 +260,27 @@ def solve(matrices: Array, right: Array) -> Array:
                 b[k] -= A[k, j] * b[j]
             b[k] /= A[k, k]
     return b
+
+
+def solve_definite(matrices: Array, right: Array) -> Array:
+    """Returns x of A x = b for many small symmetric positive definite systems.
+
+    Like `solve`, but needs no pivots.
+
+    Args:
+        matrices: the matrices A, shape (n, n, J).
+        right: the right-hand sides b, shape (n, J).
+
+    Returns:
+        The solutions x, shape (n, J); not finite if a matrix is singular.
+    """
+    n = len(matrices)
+    A = np.concatenate([matrices, right[:, None]], axis=1)
+    with np.errstate(all="ignore"):
+        for k in range(n - 1):
+            A[k + 1 :, k + 1 :] -= (A[k + 1 :, k] / A[k, k])[:, None] * A[k, k + 1 :]
+        x = A[:, n]
+        for k in range(n - 1, -1, -1):
+            x[k] /= A[k, k]
+            x[:k] -= A[:k, k] * x[k]
+    return x

@@ -19,28 +19,32 @@ from drake_polygrasp.certification.simplex_cycle import (
     MOST_POINTS,
     coned,
     connected,
+    modulo_2,
     simplex_boundary,
-    simplex_keys,
-    solve,
+    solve_definite,
 )
 from drake_polygrasp.certification.swept_generators import SweptGenerators
 from drake_polygrasp.wrenches.region_support import load_reach
 
 _SOFT, _STIFFER, _STIFF = 3.0, 30.0, 1e5
 """Our choice: the penalty at first, its factor where Newton's method is near, and the greatest."""
-_MOST_STEPS, _SEARCHES = 24, 6
-"""Our choice: steps of Newton's method, and of its line searches; a median facet needs 5."""
+_MOST_STEPS = 24
+"""Our choice: steps of Newton's method; a median facet needs 5."""
+_PARTS = np.array([1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05])
+"""Our choice: parts of a step of Newton's method that are tried."""
 _NEAR = 1e-3
 """Our choice, relative: a step of Newton's method that is less is near."""
 _OLD_GAIN = 0.7
 """Our choice: a generator that is there already is taken if it gains this share of the best."""
 _DIGITS, _TIE = 9, 11
 """Our choice: decimals of twists, and of values that are compared: less is rounding."""
-_PATIENCE = 8
-"""Our choice: after so many insertions that raised nothing the others are given up."""
+_MOST_FACETS = 8000
+"""Our choice: a surface of more facets is not refined; a usual one has a few hundred."""
+_GAIN = 1e-9
+"""Our choice: what counts as higher; less is rounding."""
 _LEAST_GOAL = 1e-3
 """Our choice: values are raised at least towards this."""
-_TRIED = 16
+_TRIED = 8
 """Our choice: how many of the lowest facets say where contacts withstand little."""
 
 
@@ -77,6 +81,21 @@ class SweptFacets:
             np.concatenate([self.twists, other.twists]),
             np.concatenate([self.values, other.values]),
         )
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """How far a surface is refined.
+
+    Attributes:
+        at_once: generators that are added at most in a round.
+        most_rounds: after how many rounds to stop.
+        patience: how many rounds may pass without a better surface.
+    """
+
+    at_once: int
+    most_rounds: int
+    patience: int
 
 
 @dataclass(frozen=True)
@@ -148,64 +167,58 @@ def steepest(
     """
     simplices, best, best_value = facets.simplices, facets.twists.copy(), facets.values.copy()
     rows = np.flatnonzero(best_value < enough)
+    if not len(rows):
+        return facets
     w, stiffness = best[rows] / enough, np.full(len(rows), _SOFT)
-    heights = generators.heights_at_corners(w, simplices[rows])
+    a = generators.at_corners(simplices[rows])
+    heights = _paired(a, w)
     for _ in range(_MOST_STEPS):
         if not len(rows):
             break
         metric = norm.squares(w) * (enough * enough)
-        new = _newton(generators, simplices[rows], w, heights, stiffness, metric)
+        new = _newton(a, heights, stiffness, metric)
         new = np.where(np.all(np.isfinite(new), axis=1, keepdims=True), new, w)
-        rise = generators.heights_at_corners(new, simplices[rows]) - heights
-        share = _line_search(w, new - w, heights, rise, stiffness, metric)
-        is_near = np.abs(new - w).max(axis=1) <= _NEAR * np.abs(new).max(axis=1)
-        w = w + share[:, None] * (new - w)
-        heights = heights + share[:, None, None] * rise
-        value = heights.min(axis=(1, 2)) / norm.of(w)
+        step = new - w
+        rise = _paired(a, step)
+        share = _line_search(w, step, heights, rise, stiffness, metric)[:, None]
+        is_near = np.abs(step).max(axis=1) <= _NEAR * np.abs(new).max(axis=1)
+        w = w + share * step
+        heights = heights + share * rise
+        value = heights.min(axis=1) / norm.of(w)
         better = value > best_value[rows]
         best[rows[better]], best_value[rows[better]] = w[better], value[better]
         stiffness = np.where(is_near, stiffness * _STIFFER, stiffness)
         left = (best_value[rows] < enough) & (stiffness <= _STIFF)
-        rows, w, heights, stiffness = rows[left], w[left], heights[left], stiffness[left]
+        if not left.all():
+            rows, w, heights, stiffness = rows[left], w[left], heights[left], stiffness[left]
+            a = a[:, left]
     return swept_facets(generators, simplices, best, norm)
 
 
-def _newton(
-    generators: SweptGenerators,
-    simplices: Ints,
-    w: Array,
-    heights: Array,
-    stiffness: Array,
-    metric: Array,
-) -> Array:
+def _paired(a: Array, w: Array) -> Array:
+    """The heights of wrenches (6, J, N) along a twist each, (J, N)."""
+    return np.asarray(np.einsum("kjn,jk->jn", a, w))
+
+
+def _newton(a: Array, heights: Array, stiffness: Array, metric: Array) -> Array:
     """The least of w.Mw + stiffness |1 - a w|^2 over 2, a what is below one at w, (J, 6)."""
-    num = len(w)
-    row, k, corner = np.nonzero(heights < 1.0)
-    a = generators.wrenches(simplices[row, k], corner)
-    A, b = np.empty((6, 6, num)), np.empty((6, num))
+    below = a * np.where(heights < 1.0, stiffness[:, None], 0.0)
+    A = np.einsum("ijn,kjn->ikj", below, a)
     for i in range(6):
-        b[i] = np.bincount(row, weights=a[i], minlength=num) * stiffness
-        for j in range(i + 1):
-            A[i, j] = A[j, i] = np.bincount(row, weights=a[i] * a[j], minlength=num) * stiffness
         A[i, i] += metric[:, i]
-    return solve(A, b).T
+    return solve_definite(A, below.sum(axis=2)).T
 
 
 def _line_search(
     w: Array, step: Array, heights: Array, rise: Array, stiffness: Array, metric: Array
 ) -> Array:
-    """The share of each step, 1 at most, that lowers the penalised length most, (J,)."""
+    """The share of each step, of a few, that lowers the penalised length most, (J,)."""
     first, second = (metric * step * w).sum(axis=1), (metric * step * step).sum(axis=1)
-    low, high, share = np.zeros(len(w)), np.ones(len(w)), np.ones(len(w))
-    # The slope is piecewise linear and rises with the share.
-    for _ in range(_SEARCHES):
-        lack = np.maximum(1.0 - heights - share[:, None, None] * rise, 0.0)
-        slope = first + share * second - stiffness * (lack * rise).sum(axis=(1, 2))
-        curve = second + stiffness * (rise * rise * (lack > 0)).sum(axis=(1, 2))
-        low, high = np.where(slope < 0, share, low), np.where(slope < 0, high, share)
-        tried = share - slope / np.maximum(curve, 1e-300)
-        share = np.where((tried > low) & (tried < high), tried, (low + high) / 2)
-    return share
+    share = _PARTS[:, None]
+    lack = np.maximum((1.0 - heights) - share[..., None] * rise, 0.0)
+    length = share * (2.0 * first + share * second)
+    penalty = length + stiffness * np.einsum("sjn,sjn->sj", lack, lack)
+    return np.asarray(_PARTS[penalty.argmin(axis=0)])
 
 
 def raised(
@@ -214,47 +227,52 @@ def raised(
     norm: LoadNorm,
     upper: Callable[[Array], float],
     tolerance: float,
-    most_insertions: int,
+    refinement: Refinement,
 ) -> SweptFacets:
     """Raises the least value until it is near an upper bound, by better twists and new facets.
 
-    At the worst facet the generator that pairs most with its twist, wherever contacts are, is
-    added; the facets around that it overtops give way to its cone.
+    In each round the generators that pair most with the twists of the worst facets, wherever
+    contacts are, are added; the facets around that they overtop give way to their cones.
 
     Args:
         generators: to which are added.
         facets: a closed surface.
         norm: what twists are measured in.
-        upper: given twists, shape (K, 6), returns the least upper bound that is known with them.
+        upper: given twists, shape (K, 6), or none, returns the least upper bound that is known.
         tolerance: how far the lower bound may stay below the upper, over the upper.
-        most_insertions: after how many generators to stop.
+        refinement: how many generators are added, and when to give up.
 
     Returns:
         The best surface that was met.
     """
     fresh = np.ones(len(facets.values), dtype=bool)
-    best, last, tried = facets, 0, set[int]()
-    bound = upper(lowest_twists(facets))
-    for count in range(most_insertions + 1):
-        low = np.asarray(fresh & (facets.values < max(bound * (1.0 - tolerance), _LEAST_GOAL)))
-        better = steepest(generators, facets.without(~low), norm, max(bound, 2 * _LEAST_GOAL))
+    best, last = facets, 0
+    bound = upper(np.zeros((0, 6)))
+    for count in range(refinement.most_rounds + 1):
+        goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
+        low = np.asarray(fresh & (facets.values < goal))
+        better = steepest(generators, facets.without(~low), norm, goal)
         twists, values = facets.twists.copy(), facets.values.copy()
         twists[low], values[low], fresh[low] = better.twists, better.values, False
         facets = SweptFacets(facets.simplices, twists, values)
-        worst = int(np.round(values, _TIE).argmin())
         bound = upper(lowest_twists(facets))
+        goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
         least = values.min()
         if least > best.values.min() or count == 0:
             best, last = facets, count
-        enough = least >= (1.0 - tolerance) * bound or bound <= 0.0 or count - last >= _PATIENCE
-        if enough or count == most_insertions or len(generators) >= MOST_POINTS:
+        is_enough = least >= (1.0 - tolerance) * bound or bound <= 0.0
+        is_large = len(values) > _MOST_FACETS or len(generators) + refinement.at_once > MOST_POINTS
+        if (
+            is_enough
+            or is_large
+            or count - last > refinement.patience
+            or count == refinement.most_rounds
+        ):
             break
-        key = int(simplex_keys(facets.simplices[worst, None])[0])
-        new = _apex(generators, facets, worst, norm, may_be_old=key not in tried)
-        if new is None:
+        worst, apex = _apexes(generators, facets, goal, norm, refinement.at_once)
+        if not len(worst):
             break
-        tried.add(key)
-        facets, fresh = _replaced(generators, facets, fresh, worst, new, norm)
+        facets, fresh = _replaced(generators, facets, fresh, worst, apex, norm)
     return best
 
 
@@ -268,43 +286,59 @@ def lowest_twists(facets: SweptFacets) -> Array:
     return facets.twists[order[:_TRIED]]
 
 
-def _apex(
-    generators: SweptGenerators, facets: SweptFacets, at: int, norm: LoadNorm, *, may_be_old: bool
-) -> int | None:
-    """The generator to add at a facet; None where none gains."""
-    w = facets.twists[at, None]
-    height = float(facets.values[at] * norm.of(w)[0])
-    contact, force, most = generators.best_forces(w[0])
-    if most <= height + 1e-9:
-        return None
-    known = generators.heights(w, np.arange(len(generators))[None])[0]
-    highest = int(np.round(known, _TIE).argmax())
-    if may_be_old and known[highest] - height >= _OLD_GAIN * (most - height):
-        return highest
-    generators.add(np.array([contact]), force[None])
-    return len(generators) - 1
+def _apexes(
+    generators: SweptGenerators, facets: SweptFacets, goal: float, norm: LoadNorm, at_once: int
+) -> tuple[Ints, Ints]:
+    """Facets below the goal, worst first, and a generator for each that is to overtop it.
+
+    A facet that the generator of one before overtops is left to that.
+    """
+    order = np.argsort(np.round(facets.values, _TIE), kind="stable")[:at_once]
+    worst = order[facets.values[order] < goal]
+    w = facets.twists[worst]
+    heights = facets.values[worst] * norm.of(w)
+    contact, force, most = generators.best_forces(w)
+    known = generators.heights_of_each(w, np.arange(len(generators)))
+    highest = np.round(known, _TIE).argmax(axis=1)
+    rows = np.arange(len(w))
+    is_old = known[rows, highest] - heights >= _OLD_GAIN * np.maximum(most - heights, _GAIN)
+    reached = generators.heights_of(w, contact, force)
+    reached[:, is_old] = known[:, highest[is_old]]
+    chosen: list[int] = []
+    for k in rows[(most > heights + _GAIN) | is_old].tolist():
+        if not (reached[k, chosen] > heights[k] + _OLD_GAIN * (most[k] - heights[k])).any():
+            chosen.append(k)
+    apex = highest.copy()
+    new = [k for k in chosen if not is_old[k]]
+    apex[new] = len(generators) + np.arange(len(new))
+    if new:
+        generators.add(contact[new], force[new])
+    return worst[chosen], apex[chosen]
 
 
 def _replaced(
     generators: SweptGenerators,
     facets: SweptFacets,
     fresh: Bools,
-    worst: int,
-    new: int,
+    worst: Ints,
+    apex: Ints,
     norm: LoadNorm,
 ) -> tuple[SweptFacets, Bools]:
-    """The facets with those around the worst that a generator overtops replaced by its cone."""
+    """The facets with those around some that generators overtop replaced by their cones."""
     simplices, w = facets.simplices, facets.twists
-    height = generators.heights(w, np.full((len(w), 1), new))[:, 0] / norm.of(w)
-    over = height > facets.values + 10.0**-_DIGITS
-    over[worst] = True
-    seen = connected(simplices, over, worst)
-    ridges, owner = simplex_boundary(simplices[seen])
-    start = w[seen][owner[(ridges != new).all(axis=1)]]
-    cone = coned(ridges, new)
-    # What is there twice is there an even number of times.
-    twice = np.isin(simplex_keys(cone), simplex_keys(simplices[~seen]))
-    removed = np.isin(simplex_keys(simplices), simplex_keys(cone)) | seen
-    added = swept_facets(generators, cone[~twice], start[~twice], norm)
-    is_fresh = np.concatenate([fresh[~removed], np.ones(len(added.values), dtype=bool)])
-    return facets.without(removed).joined(added), is_fresh
+    gain = generators.heights_of_each(w, apex) / norm.of(w)[:, None] - facets.values[:, None]
+    part = np.where(gain.max(axis=1) > _GAIN, np.round(gain, _TIE).argmax(axis=1), -1)
+    part[worst] = np.arange(len(worst))
+    seen = connected(simplices, part, worst)
+    ridges, owner = simplex_boundary(simplices[seen], part[seen])
+    tops = apex[part[seen][owner]]
+    beside = (ridges != tops[:, None]).all(axis=1)
+    cone, start = coned(ridges[beside], tops[beside]), w[seen][owner[beside]]
+    num = int((~seen).sum())
+    left = modulo_2(np.concatenate([simplices[~seen], cone]))
+    kept, new = np.flatnonzero(~seen)[left[left < num]], left[left >= num] - num
+    added = swept_facets(generators, cone[new], start[new], norm)
+    is_kept = np.zeros(len(seen), dtype=bool)
+    is_kept[kept] = True
+    is_fresh = np.concatenate([fresh[kept], np.ones(len(new), dtype=bool)])
+    return facets.without(~is_kept).joined(added), is_fresh

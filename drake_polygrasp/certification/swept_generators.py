@@ -63,11 +63,11 @@ class RangingContacts:
         """Returns forces of each piece, as long as may be.
 
         Args:
-            turns: around the normals [rad], shape (N, P).
-            shares: of the friction that they use, shape (N, P).
+            turns: around the normals [rad], shape (..., P).
+            shares: of the friction that they use, shape (..., P).
 
         Returns:
-            Shape (N, P, 3).
+            Shape (..., P, 3).
         """
         n, t_1, t_2 = self.frames[:, 0], self.frames[:, 1], self.frames[:, 2]
         slope = _INSIDE * self.mu * shares
@@ -110,7 +110,7 @@ class SweptGenerators:
         self.middle = np.zeros((0, 6))
         num = most * contacts.r_V.shape[1]
         self._share = 1.0
-        self._full = self._rows = np.zeros((6, 0, num))
+        self._full = self._corners = np.zeros((0, num, 6))
 
     def __len__(self) -> int:
         """Counts generators."""
@@ -127,11 +127,11 @@ class SweptGenerators:
         hair = 1.0 - _UNEVEN * (1.0 + (k * 0.6180339887) % 1.0)
         force = np.asarray(np.round(force * hair[:, None, None], _DIGITS) + 0.0)
         first, r = force[np.arange(len(k)), self._reference[contact]], self._middles[contact]
-        rows = self._rows_of(contact, force)
+        corners = self._corners_of(contact, force)
         self.contact = np.concatenate([self.contact, contact])
         self.force = np.concatenate([self.force, force])
         self.middle = np.concatenate([self.middle, np.hstack([first, cross(r, first)])])
-        self._full = np.concatenate([self._full, rows], axis=1)
+        self._full = np.concatenate([self._full, corners])
         self.range_by(self._share)
 
     def range_by(self, share: float) -> None:
@@ -141,8 +141,8 @@ class SweptGenerators:
             share: of the way from those to the wrenches in the regions, 1 for all of it.
         """
         self._share = share
-        middle = self.middle.T[:, :, None]
-        self._rows = self._full if share == 1.0 else middle + share * (self._full - middle)
+        middle = self.middle[:, None]
+        self._corners = self._full if share == 1.0 else middle + share * (self._full - middle)
 
     def add_rims(self, turns: Array) -> None:
         """Adds generators on the rims of each contact's cones.
@@ -156,74 +156,102 @@ class SweptGenerators:
         for i in range(3):
             self.add(np.full(len(turns), i), forces[:, self._pieces[i]])
 
-    def _rows_of(self, contact: Ints, force: Array) -> Array:
-        """Wrenches at every corner, (6, N, V)."""
+    def _corners_of(self, contact: Ints, force: Array) -> Array:
+        """Wrenches at every corner, (N, V, 6)."""
         r = self.contacts.r_V[self._pieces[contact]]
         f = np.broadcast_to(force[:, :, None], r.shape)
-        wrenches = np.concatenate([f, cross(r, f)], axis=-1).reshape(len(contact), -1, 6)
+        num = self._full.shape[1]
+        return np.concatenate([f, cross(r, f)], axis=-1).reshape(len(contact), num, 6)
+
+    def at_corners(self, which: Ints) -> Array:
+        """Returns wrenches of generators at every corner, shape (6, J, N V).
+
+        Args:
+            which: generators, shape (J, N).
+        """
+        wrenches = self._corners[which].reshape(len(which), -1, 6)
         return np.ascontiguousarray(wrenches.transpose(2, 0, 1))
 
-    def heights_at_corners(self, w: Array, which: Ints) -> Array:
-        """Returns what generators pair to with twists at every corner.
-
-        Args:
-            w: twists, shape (J, 6).
-            which: generators of each twist, shape (J, N).
-
-        Returns:
-            Shape (J, N, V).
-        """
-        rows, columns = self._rows[:, which], w.T[:, :, None, None]
-        paired = rows[0] * columns[0]
-        for k in range(1, 6):
-            paired += rows[k] * columns[k]
-        return np.asarray(paired)
-
     def heights(self, w: Array, which: Ints) -> Array:
-        """Returns the least of `heights_at_corners` over corners, shape (J, N).
+        """Returns the least that generators pair to with a twist, over corners, shape (J, N).
 
         Args:
             w: twists, shape (J, 6).
             which: generators of each twist, shape (J, N).
         """
-        return np.asarray(self.heights_at_corners(w, which).min(axis=-1))
+        return np.asarray(np.einsum("jnvk,jk->jnv", self._corners[which], w).min(axis=-1))
 
-    def wrenches(self, which: Ints, corner: Ints) -> Array:
-        """Returns wrenches at single corners, shape (6, N).
+    def heights_of_each(self, w: Array, which: Ints) -> Array:
+        """Returns the least heights of some generators along each twist, shape (K, N).
 
         Args:
+            w: twists, shape (K, 6).
             which: generators, shape (N,).
-            corner: a corner for each, shape (N,).
         """
-        return np.asarray(self._rows[:, which, corner])
+        return _least_heights(self._corners[which], w)
 
-    def best_forces(self, w: Array) -> tuple[int, Array, float]:
-        """Finds the generator that pairs most with one twist, wherever contacts are.
+    def heights_of(self, w: Array, contact: Ints, force: Array) -> Array:
+        """Returns the least heights of generators that need not have been added, shape (K, N).
+
+        Args:
+            w: twists, shape (K, 6).
+            contact: whose the generators are, shape (N,).
+            force: a force for each piece of its contact, shape (N, S, 3).
+        """
+        return _least_heights(self._corners_of(contact, force), w)
+
+    def add_best_at_middles(self, w: Array) -> None:
+        """Adds the generator on the rims of cones that pairs most with a twist at the middles.
+
+        Args:
+            w: the twist, shape (6,).
+        """
+        c, middles = self.contacts, self._middles
+        u = w[:3] + cross(w[3:], middles)
+        across = dot(c.frames[:, 1:], u[c.contact][:, None])
+        force = c.forces(np.arctan2(across[:, 1], across[:, 0]), np.ones(len(across)))
+        heights = dot(force[c.reference], u)
+        best = int(np.round(heights, _TIE).argmax())
+        self.add(np.array([best]), force[self._pieces[best]][None])
+
+    def best_forces(self, w: Array) -> tuple[Ints, Array, Array]:
+        """Finds for each twist the generator that pairs most with it, wherever contacts are.
 
         For every piece the best force is sought on a polar grid that is refined, for the height is
         concave in the force.
 
         Args:
-            w: the twist, shape (6,).
+            w: twists, shape (K, 6).
 
         Returns:
-            The contact, its forces, shape (S, 3), and the height.
+            The contacts, shape (K,), their forces, shape (K, S, 3), and the heights, shape (K,).
         """
         c = self.contacts
-        count = len(c.contact)
-        u = w[:3] + cross(w[3:], c.r_V)
+        shape = len(w), len(c.contact)
+        u = w[:, None, None, :3] + cross(w[:, None, None, 3:], c.r_V)
         turns = np.append(np.repeat(_TURNS, len(_SHARES)), 0.0)
         shares = np.append(np.tile(_SHARES, len(_TURNS)), 0.0)
-        turns, shares = (np.repeat(x[:, None], count, axis=1) for x in (turns, shares))
-        turn_step, share_step, rows = np.pi / len(_TURNS), 0.2, np.arange(count)
+        turns, shares = (
+            np.broadcast_to(x[:, None, None], (len(x), *shape)) for x in (turns, shares)
+        )
+        turn_step, share_step, steps = np.pi / len(_TURNS), 0.2, _STEPS[:, :, None, None]
         for _ in range(_REFINEMENTS + 1):
             force = c.forces(turns, shares)
-            heights = dot(force[:, :, None], u).min(axis=-1)
-            best = np.round(heights, _TIE).argmax(axis=0)
-            found, reached = force[best, rows], heights[best, rows]
-            turns = turns[best, rows] + _STEPS[:, :1] * turn_step
-            shares = np.clip(shares[best, rows] + _STEPS[:, 1:] * share_step, 0.0, 1.0)
+            heights = dot(force[..., None, :], u).min(axis=-1)
+            best = np.round(heights, _TIE).argmax(axis=0)[None]
+            turn, share, reached = (
+                np.take_along_axis(x, best, 0)[0] for x in (turns, shares, heights)
+            )
+            found = np.take_along_axis(force, best[..., None], 0)[0]
+            turns = turn + steps[:, 0] * turn_step
+            shares = np.clip(share + steps[:, 1] * share_step, 0.0, 1.0)
             turn_step, share_step = turn_step / 2, share_step / 2
-        least = np.array([reached[self._pieces[i]].min() for i in range(3)])
-        contact = int(np.round(least, _TIE).argmax())
-        return contact, found[self._pieces[contact]], float(least[contact])
+        least = np.stack([reached[:, own].min(axis=1) for own in self._pieces], axis=1)
+        contact = np.round(least, _TIE).argmax(axis=1)
+        rows = np.arange(len(w))
+        return contact, found[rows[:, None], self._pieces[contact]], least[rows, contact]
+
+
+def _least_heights(corners: Array, w: Array) -> Array:
+    """The least pairing of wrenches (N, V, 6) with each twist (K, 6) over V, (K, N)."""
+    return np.asarray(np.einsum("nvk,jk->jnv", corners, w).min(axis=-1))
