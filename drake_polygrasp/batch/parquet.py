@@ -87,7 +87,7 @@ def export_parquet(out: str | Path, file: str | Path) -> int:
     grasps, total = _grasps(out), 0
     scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        with parquet.ParquetWriter(scratch, schema) as writer:
+        with scratch.open("wb") as sink, parquet.ParquetWriter(sink, schema) as writer:
             while group := list(islice(grasps, _GROUP)):
                 writer.write_table(arrow.Table.from_pylist(group, schema))
                 total += len(group)

@@ -28,12 +28,16 @@ def report_lines(report: BatchReport) -> list[str]:
     Args:
         report: what it did.
     """
-    objects = f"{report.num_objects:,} object{'' if report.num_objects == 1 else 's'}"
+    objects, models = _counted(report.num_objects, "object"), _counted(report.num_sources, "model")
     return [
-        f"{report.out}: {objects} of {report.num_sources:,} models, {report.num_planned:,} planned "
-        f"in {report.seconds:.1f} s",
+        f"{report.out}: {objects} of {models}, {report.num_planned:,} planned in "
+        f"{report.seconds:.1f} s",
         *_count_lines(report.counts),
     ]
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def _count_lines(counts: Mapping[str, int]) -> list[str]:
@@ -48,9 +52,10 @@ def status_lines(status: BatchStatus) -> list[str]:
     Args:
         status: what it holds.
     """
+    named = _counted(status.num_sources, "model")
     lines = [
         f"{status.out}: {status.num_objects - status.num_waiting:,} of {status.num_objects:,} "
-        f"objects that were met have a result; the sources name {status.num_sources:,} models",
+        f"objects that were met have a result; sources name {named}",
         *_count_lines(status.counts),
     ]
     if status.num_earlier:

@@ -1,0 +1,246 @@
+"""`polygrasp batch` as users run it: in a process of its own, stopped and started again."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from drake_polygrasp.cli.main import main
+from tests.support.batches import files_of, prism_file, rows_of, two_bodies
+
+ROOT = Path(__file__).parents[2]
+
+
+def command(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "drake_polygrasp", "batch", *arguments]
+
+
+def run(
+    *arguments: str,
+    folder: Path,
+    prepare: Callable[[], None] | None = None,
+    env: dict[str, str] | None = None,
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command(*arguments),
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT)} | (env or {}),
+        preexec_fn=prepare,
+    )
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with `parts` and their results in `out`."""
+    folder = tmp_path_factory.mktemp("planned")
+    for sides in (4, 6, 8):
+        prism_file(folder / "parts", sides)
+    (folder / "parts" / "broken.obj").write_text("f 1 2 3\n")
+    done = run("parts", "--out", "out", "-j", "2", "--top", "1", folder=folder)
+    assert (done.returncode, done.stderr) == (0, "")  # Failures are results; and no bar, no byte.
+    first, *counts = done.stdout.splitlines()
+    assert first.startswith("out: 4 objects of 4 models, 4 planned in ")
+    assert counts == [
+        "  ok         3  a grasp file",
+        "  bad_model  1  the model, or an option for it, is refused",
+    ]
+    return folder
+
+
+def test_the_same_command_again_plans_nothing(planned: Path) -> None:
+    done = run("parts", "--out", "out", "-j", "2", "--top", "1", "--json", folder=planned)
+    assert done.returncode == 0
+    report = json.loads(done.stdout)
+    assert report["num_planned"] == 0
+    assert report["counts"] == {"ok": 3, "bad_model": 1}
+
+
+def test_options_of_plan_pass_through(planned: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = "--mu 0.5 --tip-radius 0.001 --placement-error 0.001 --avoid-direction 0 0 -1 --plant"
+    done = run(
+        *("parts/prism_6.obj", "--out", "asked", "--top", "2", *asked.split()), folder=planned
+    )
+    assert done.returncode == 0, done.stderr
+    (text,) = files_of(planned / "asked").values()
+    alone = "parts/prism_6.obj --top 2 -o asked/grasps/alone.yaml " + asked
+    monkeypatch.chdir(planned)
+    assert main(["plan", *alone.split()]) == 1  # Of a mesh the mass is unknown, so none "holds".
+    assert (planned / "asked" / "grasps" / "alone.yaml").read_bytes() == text
+    assert b"tip_radius: 0.001" in text
+    assert b"simulation" in text
+
+
+def test_status_says_what_there_is(planned: Path) -> None:
+    done = run("status", "out", folder=planned)
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
+    assert lines[0] == ("out: 4 of 4 objects that were met have a result; sources name 4 models")
+    assert any(line.startswith("slowest: parts/prism_") for line in lines)
+    assert any(line.startswith("worst: parts/prism_") for line in lines)
+    status = json.loads(run("status", "out", "--json", folder=planned).stdout)
+    counts = {"ok": 3, "bad_model": 1, "no_grasp": 0, "crash": 0, "timeout": 0, "out_of_memory": 0}
+    assert status["counts"] == counts
+    assert status["worst"][0]["epsilon"] == min(
+        row.epsilon for row in rows_of(planned / "out").values() if row.epsilon
+    )
+
+
+def test_fail_on_is_the_exit_code(planned: Path) -> None:
+    asked = ("parts", "--out", "out", "--top", "1", "--fail-on")
+    assert run(*asked, "timeout,crash", folder=planned).returncode == 0
+    done = run(*asked, "bad_model", folder=planned)
+    assert done.returncode == 1
+    assert done.stderr == "polygrasp: out: 1 bad_model\n"
+
+
+def test_each_body_of_a_model_is_an_object(tmp_path: Path) -> None:
+    two_bodies(tmp_path)
+    asked = ("two.sdf", "--out", "out", "--top", "1")
+    assert run(*asked, folder=tmp_path).stdout.startswith("out: 2 objects of 1 model, 2 planned")
+    assert run(*asked, folder=tmp_path).stdout.startswith("out: 2 objects of 1 model, 0 planned")
+    assert run(*asked, "--body", "low", folder=tmp_path).stdout.startswith("out: 1 object of 1")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("nowhere --out out", "nowhere: there is no such file or folder; mend the path"),
+        ("parts --out parts/broken.obj", "parts/broken.obj: results cannot be written: Not a d"),
+        ("parts --out gs://bucket/x", "gs:// needs gcsfs: pip install 'drake_polygrasp[gcs]'"),
+        ("status parts", "parts: has no results of a batch; name the --out of one"),
+        ("export parts --parquet x", "parts: has no results of a batch"),
+        ("parts --out new --scheduler tcp://127.0.0.1:1", ": "),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_exit_2(planned: Path, arguments: str, said: str) -> None:
+    done = run(*arguments.split(), folder=planned)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert said in done.stderr
+    assert done.stdout == ""
+    assert not (planned / "new").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments", ["", "--shard 3/2", "--shard 1", "--memory 4", "--timeout 0", "--retry ok", "-j 0"]
+)
+def test_wrong_options_are_usage_errors(arguments: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["batch", "parts", *(f"--out out {arguments}" if arguments else "").split()])
+    assert caught.value.code == 2
+    assert "error: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("package", "extra", "arguments"),
+    [
+        ("distributed", "dask", ["parts", "--out", "out", "--scheduler", "tcp://127.0.0.1:8786"]),
+        ("pyarrow", "query", ["export", "out", "--parquet", "grasps.parquet"]),
+        ("s3fs", "s3", ["parts", "--out", "s3://bucket/out"]),
+    ],
+)
+def test_an_extra_that_is_missing_is_named(
+    planned: Path, tmp_path: Path, package: str, extra: str, arguments: Sequence[str]
+) -> None:
+    (tmp_path / f"{package}.py").write_text("raise ImportError\n")  # As if it were not installed.
+    env = {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    done = run(*arguments, folder=planned, env=env)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert f"pip install 'drake_polygrasp[{extra}]'" in done.stderr
+
+
+def test_a_second_driver_is_refused_by_the_name_of_the_first(planned: Path, tmp_path: Path) -> None:
+    first = subprocess.Popen(command(str(planned / "parts"), "--out", "out"), cwd=tmp_path)
+    wait_for(lambda: (tmp_path / "out" / "driver.lock").exists())
+    time.sleep(0.1)
+    second = run(str(planned / "parts"), "--out", "out", folder=tmp_path)
+    assert second.returncode == 2
+    assert f"process {first.pid})" in second.stderr
+    assert first.wait() == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_the_run_and_the_same_command_completes_it(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    for sides in range(4, 40, 2):
+        prism_file(tmp_path / "parts", sides)
+    asked = ("parts", "--out", "out", "-j", "1", "--top", "1", "--effort", "quick")
+    driver = subprocess.Popen(
+        command(*asked), cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    wait_for(lambda: any((tmp_path / "out" / "grasps").glob("*.yaml")))
+    driver.send_signal(number)
+    _, said = driver.communicate()
+    assert driver.returncode == 130
+    assert said.splitlines() == [
+        "polygrasp: stopping: objects in flight have 5 s; once more kills them",
+        "polygrasp: out: stopped; the same command goes on from here",
+    ]
+    done = len(rows_of(tmp_path / "out"))
+    assert 1 <= done == len(files_of(tmp_path / "out")) < 18
+    report = json.loads(run(*asked, "--json", folder=tmp_path).stdout)
+    assert report["num_planned"] == 18 - done
+    assert report["counts"] == {"ok": 18}
+
+
+def test_a_disk_that_is_full_is_one_line_and_leaves_nothing_half_written(
+    planned: Path, tmp_path: Path
+) -> None:
+    def no_room() -> None:
+        # As on a full disk, no file grows; rows, which are written first, do fit.
+        resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
+
+    asked = ("parts", "--out", str(tmp_path / "out"), "-j", "2", "--top", "10", "--exclude-faces=0")
+    done = run(*asked, folder=planned, prepare=no_room)
+    assert done.returncode == 2, done
+    assert done.stderr.count("\n") == 1
+    assert "cannot be written: " in done.stderr
+    assert "the same command again, which goes on from here" in done.stderr
+    whole = files_of(tmp_path / "out")
+    done = run(*asked, folder=planned)
+    assert done.returncode == 0
+    assert whole.items() <= files_of(tmp_path / "out").items()
+    assert len(files_of(tmp_path / "out")) == 3
+
+
+def test_a_terminal_shows_progress_and_nothing_else_does(planned: Path, tmp_path: Path) -> None:
+    shutil.copytree(planned / "parts", tmp_path / "parts")
+    terminal, stderr = pty.openpty()
+    asked = ("parts", "--out", "out", "-j", "1", "--plant", "--top", "3")
+    driver = subprocess.Popen(
+        command(*asked), cwd=tmp_path, stderr=stderr, stdout=subprocess.DEVNULL
+    )
+    os.close(stderr)
+    shown = b""
+    try:
+        while part := os.read(terminal, 1000):
+            shown += part
+    except OSError:
+        pass  # Linux says so when the other end is closed.
+    assert driver.wait() == 0
+    assert b"of 4 objects: " in shown
+    assert b" without grasps" in shown
+    assert shown.endswith(b"\x1b[K"), "it is erased"
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
