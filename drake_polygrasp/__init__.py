@@ -49,6 +49,7 @@ if TYPE_CHECKING:
         PlantVerdict,
         RegionCertificate,
     )
+    from drake_polygrasp.hand_grasp import HandGrasp
     from drake_polygrasp.hands.hand import Hand
     from drake_polygrasp.hands.model import load_hand
     from drake_polygrasp.loading.object_model import load_object
@@ -61,6 +62,8 @@ if TYPE_CHECKING:
     )
     from drake_polygrasp.optimality.gap import BetterGrasp, OptimalityGap, epsilon_gap
     from drake_polygrasp.pipeline.explain import Explanation, explain_sets
+    from drake_polygrasp.pipeline.hand_grasps import plan_hand_grasps
+    from drake_polygrasp.pipeline.hand_plan import HandPlan
     from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
     from drake_polygrasp.pipeline.plant_ranking import rank_in_plant
     from drake_polygrasp.pipeline.region_certificates import certify_region
@@ -86,6 +89,8 @@ __all__ = [
     "GraspPlan",
     "Hand",
     "HandError",
+    "HandGrasp",
+    "HandPlan",
     "ModelError",
     "Obstacles",
     "OptimalityGap",
@@ -114,6 +119,7 @@ __all__ = [
     "obstacles_from_plant",
     "plan_batch",
     "plan_grasps",
+    "plan_hand_grasps",
     "rank_in_plant",
     "save_grasps",
     "surroundings_from_plant",
@@ -135,6 +141,7 @@ _HOMES = {
         *("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
         *("PlantRecord", "PlantVerdict", "RegionCertificate"),
     ),
+    "hand_grasp": ("HandGrasp",),
     "hands.hand": ("Hand",),
     "hands.model": ("load_hand",),
     "loading.object_model": ("load_object",),
@@ -143,6 +150,8 @@ _HOMES = {
     "loading.surroundings": ("Surroundings", "load_surroundings", "surroundings_from_plant"),
     "optimality.gap": ("BetterGrasp", "OptimalityGap", "epsilon_gap"),
     "pipeline.explain": ("Explanation", "explain_sets"),
+    "pipeline.hand_grasps": ("plan_hand_grasps",),
+    "pipeline.hand_plan": ("HandPlan",),
     "pipeline.plan": ("GraspPlan", "plan_grasps"),
     "pipeline.plant_ranking": ("rank_in_plant",),
     "pipeline.region_certificates": ("certify_region",),

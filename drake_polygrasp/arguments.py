@@ -100,6 +100,21 @@ def check_count(name: str, value: object) -> int:
     return min(int(value), sys.maxsize)
 
 
+def check_seed(name: str, value: object) -> int:
+    """Returns a seed of random numbers: a whole number, 0 or more.
+
+    Args:
+        name: what messages call the argument.
+        value: the argument as it was given.
+
+    Raises:
+        UsageError: when it is no such number.
+    """
+    if isinstance(value, bool | np.bool_) or not isinstance(value, Integral) or int(value) < 0:
+        raise refuse(name, value, "a whole number, 0 or more")
+    return int(value)
+
+
 def check_choice(name: str, value: object, choices: Sequence[str]) -> str:
     """Returns one of a few words.
 

@@ -48,8 +48,8 @@ MAY_IMPORT: dict[str, set[str]] = {
         *("plant", "wrenches"),
     },
     "pipeline": {
-        *("certification", "geometry", "grasp", "loading", "paper", "plant", "search", "settings"),
-        "wrenches",
+        *("certification", "geometry", "grasp", "hand_grasp", "hands", "loading", "paper", "plant"),
+        *("search", "settings", "wrenches"),
     },
     "optimality": {
         *("certification", "geometry", "grasp", "pipeline", "search", "wrenches"),

@@ -42,6 +42,7 @@ from drake_polygrasp.files.stated_grasp import StatedPlan
 from tests.hands.test_model import THREE_FINGER
 from tests.loading.test_plant_objects import CUBE, anchored, world
 from tests.support.grasp_files import write_box
+from tests.support.hands import own_hand
 from tests.support.plant_scenes import cube_grasp, model, top_grasp
 
 
@@ -93,6 +94,8 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
     # Nothing is simulated of a grasp off the surface.
     off = replace(plan.grasps[0], grasp=replace(cube_grasp(), p_BC=cube_grasp().p_BC + 1e-3))
     scenery = world(CUBE, anchored("ball", Sphere(0.01), RigidTransform([1.0, 0.0, 0.0])))
+    crate = folder / "crate.sdf"
+    crate.write_text(CUBE.read_text().replace("0.06", "0.6"))
     in_plant = {"plant": scenery.plant, "body": scenery.body, "context": scenery.context}
     settings = {
         "patch_angle": None,
@@ -174,6 +177,31 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
             "shard": (1, 1),
             "retry": (),
             "limit": None,
+        },
+        "plan_hand_grasps": {
+            "object_": load_object(crate),  # Too large for the hand, which takes least time.
+            "hand": own_hand(),
+            "top": 1,
+            "surroundings": None,
+            "up_B": None,
+            "load_mass": 0.1,
+            "avoid_directions": (),
+            "exclude_faces": (),
+            "edge_clearance": None,
+            "friction_share": 0.8,
+            "clearance": 0.002,
+            "approach": 0.1,
+            "fingers": None,
+            "rank": "epsilon",
+            "placement_error": 0.0,
+            "tilt_error": 0.0,
+            "friction_error": 0.0,
+            "com_error": 0.0,
+            "budget": 1.0,
+            "seed": 0,
+            "package_paths": (),
+            "packages": None,
+            "progress": None,
         },
         "plan_grasps": {**planned, "top": 1, "rank": None, "steps": None, "effort": "quick"},
         "rank_in_plant": {

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from drake_polygrasp.arguments import refuse
 from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -99,24 +100,25 @@ def require_faces(polyhedron: Polyhedron, faces: Sequence[int]) -> None:
             )
 
 
-def unit_direction(direction: npt.ArrayLike) -> tuple[float, float, float]:
-    """Returns a direction to avoid as a unit vector.
+def unit_direction(
+    direction: npt.ArrayLike, name: str = "a direction to avoid"
+) -> tuple[float, float, float]:
+    """Returns a direction as a unit vector.
 
     Args:
         direction: a vector of any length but 0, shape (3,).
+        name: what messages call it.
 
     Raises:
         UsageError: when it is not three finite numbers, or all are 0.
     """
     try:
         vector = np.array(direction, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         vector = np.empty(0)
     largest = np.abs(vector).max(initial=0.0)
     if vector.shape != (3,) or not 0 < largest < np.inf:
-        raise UsageError(
-            f"a direction to avoid is {direction!r}; it must be three finite numbers, not all 0"
-        )
+        raise refuse(name, direction, "three finite numbers, not all 0")
     # Scaled first, so that squares neither underflow nor overflow.
     vector = vector / largest
     x, y, z = unit(vector).tolist()

@@ -7,7 +7,7 @@ candidates succeed at once and the others may take long.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -81,6 +81,7 @@ class HandSearch:
             ...
 
     Attributes:
+        scene: hand, object and what is around it.
         refusals: why a candidate has no posture so far, by its index.
     """
 
@@ -99,12 +100,23 @@ class HandSearch:
             grasps: N candidates, the best first.
             options: what the grasps must do.
         """
-        self._scene, self._reach, self._options = scene, reach, options
+        self.scene, self._reach, self._options = scene, reach, options
         self._grasps = [grasp_of(grasp) for grasp in grasps]
         self._loads = [hand_load(scene, grasp, options) for grasp in grasps]
         self._starts: dict[int, list[Start]] = {}
         budget = HandRefusal("budget", "the time was up before this candidate was tried", {})
         self.refusals: dict[int, HandRefusal] = dict.fromkeys(range(len(grasps)), budget)
+        self._done: set[int] = set()
+
+    def skip(self, indices: Iterable[int]) -> None:
+        """Leaves out candidates that are not wanted any more, also of `refusals`.
+
+        Args:
+            indices: the candidates.
+        """
+        for index in {*indices} - self._done:
+            self._done.add(index)
+            del self.refusals[index]
 
     def run(self, budget: float) -> Iterator[tuple[int, HeldGrasp]]:
         """Yields candidates that the hand can hold, as they are found.
@@ -122,19 +134,18 @@ class HandSearch:
             *((k, slice(0, FIRST_STARTS)) for k in (*first, *later)),
             *((k, slice(FIRST_STARTS, None)) for k in waiting),
         ]
-        done: set[int] = set()
         for index, which in rounds:
-            if index in done:
+            if index in self._done:
                 continue
             if time.monotonic() > deadline:
                 return
             if index not in self._starts and not self._begin(index):
-                done.add(index)
+                self._done.add(index)
                 continue
             for start in self._starts[index][which]:
                 held = self._try(index, start)
                 if held is not None:
-                    done.add(index)
+                    self._done.add(index)
                     del self.refusals[index]
                     yield index, held
                     break
@@ -146,7 +157,7 @@ class HandSearch:
         grasp = self._grasps[index]
         refusal = friction_refusal(grasp, self._loads[index], self._options.friction_share)
         if refusal is None:
-            starts = best_starts(self._scene, self._reach, grasp)
+            starts = best_starts(self.scene, self._reach, grasp)
             refusal = _hopeless(starts)
             self._starts[index] = starts
         if refusal is not None:
@@ -156,7 +167,7 @@ class HandSearch:
     def _try(self, index: int, start: Start) -> HeldGrasp | None:
         """Tries one start of a candidate, and notes why it fails."""
         result = hold_from(
-            self._scene, self._grasps[index], start, self._loads[index], self._options
+            self.scene, self._grasps[index], start, self._loads[index], self._options
         )
         if isinstance(result, HeldGrasp):
             return result

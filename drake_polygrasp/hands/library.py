@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from pydrake.geometry import GeometryId, SceneGraphInspector
 
-from drake_polygrasp.arguments import check_count, check_instance
+from drake_polygrasp.arguments import check_count, check_instance, check_seed
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.hands.hand import Hand
 from drake_polygrasp.hands.in_plant import short_name
@@ -20,6 +21,8 @@ NUM_DRAWS = 6000
 _DECIMALS = 9
 """Decimals to which lengths and axes are rounded: the last bits of forward kinematics depend on the
 processor."""
+
+_LIBRARIES: WeakKeyDictionary[Hand, dict[int, Reach]] = WeakKeyDictionary()
 
 
 class Draws(NamedTuple):
@@ -51,13 +54,26 @@ def make_reach(hand: Hand, num: int = NUM_DRAWS, seed: int = 0) -> Reach:
         UsageError: when an argument has the wrong type or value.
     """
     check_instance("hand", hand, Hand, "as load_hand returns it")
-    draws = draw_postures(hand, check_count("num", num), seed)
+    draws = draw_postures(hand, check_count("num", num), check_seed("seed", seed))
     q = draws.q[draws.free]
     p_PT = np.empty((len(q), len(hand.tips), 3))
     axis_P = np.empty_like(p_PT)
     for i, posture in enumerate(q):
         p_PT[i], axis_P[i] = hand.tip_points(posture)
     return Reach(frozen(q), frozen(np.round(p_PT, _DECIMALS)), frozen(np.round(axis_P, _DECIMALS)))
+
+
+def hand_reach(hand: Hand, seed: int = 0) -> Reach:
+    """Returns what a hand reaches, drawn once for each seed and kept as long as the hand.
+
+    Args:
+        hand: the hand.
+        seed: seed of the random numbers.
+    """
+    known = _LIBRARIES.setdefault(hand, {})
+    if seed not in known:
+        known[seed] = make_reach(hand, seed=seed)
+    return known[seed]
 
 
 def draw_postures(hand: Hand, num: int, seed: int) -> Draws:

@@ -16,5 +16,7 @@
 | plan.py | `plan_grasps` |
 | explain.py | `explain_sets`: what became of every set of faces |
 | hand_candidates.py | proposes and proves grasps that a hand may reach |
+| hand_plan.py | the plan of a hand, and why candidates are refused, in words |
+| hand_grasps.py | `plan_hand_grasps` |
 | plant_ranking.py | `rank_in_plant`: ranks the grasps of a plan by the verdicts of a plant |
 """

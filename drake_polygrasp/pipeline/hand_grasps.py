@@ -1,0 +1,308 @@
+"""Plans grasps that a hand can make: contacts, proofs, postures, torques and the way there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_polygrasp.arguments import (
+    Progress,
+    check_choice,
+    check_count,
+    check_instance,
+    check_items,
+    check_length,
+    check_number,
+    check_packages,
+    check_paths,
+    check_progress,
+    check_seed,
+    refuse,
+)
+from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.body_identity import check_same_body
+from drake_polygrasp.geometry.exclusion import unit_direction
+from drake_polygrasp.geometry.obstacles import Obstacles
+from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+from drake_polygrasp.hand_grasp import HandGrasp
+from drake_polygrasp.hands.hand import Hand
+from drake_polygrasp.hands.hand_search import HandSearch, HeldGrasp, HoldOptions, hand_grasp
+from drake_polygrasp.hands.library import hand_reach
+from drake_polygrasp.hands.scene import HandScene
+from drake_polygrasp.loading.surroundings import Surroundings, obstacles_of
+from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
+from drake_polygrasp.pipeline.hand_candidates import (
+    HandCandidates,
+    in_order_of_overlap,
+    propose_with_clearance,
+)
+from drake_polygrasp.pipeline.hand_plan import HandPlan, count_refusals, no_candidates, unchecked
+from drake_polygrasp.search.reach import Reach, tip_distances
+from drake_polygrasp.settings import PlanOptions
+
+HandRank = Literal["epsilon", "torque"]
+_SPARE: dict[str, int] = {"epsilon": 1, "torque": 4}
+"""Our choice: grasps that are looked for, per grasp wanted."""
+_LEAST_SEARCH = 1.0
+"""Our choice: time that the search for postures has at least [s], however long the rest took."""
+
+
+def plan_hand_grasps(
+    object_: GraspObject,
+    hand: Hand,
+    *,
+    top: int = 3,
+    surroundings: Surroundings | None = None,
+    up_B: npt.ArrayLike | None = None,
+    load_mass: float | None = None,
+    avoid_directions: Iterable[npt.ArrayLike] = (),
+    exclude_faces: Iterable[int] = (),
+    edge_clearance: float | None = None,
+    friction_share: float = 0.8,
+    clearance: float = 0.002,
+    approach: float = 0.1,
+    fingers: Iterable[Iterable[str]] | None = None,
+    rank: HandRank = "epsilon",
+    placement_error: float = 0.0,
+    tilt_error: float = 0.0,
+    friction_error: float = 0.0,
+    com_error: float = 0.0,
+    budget: float = 10.0,
+    seed: int = 0,
+    package_paths: Sequence[str | Path] = (),
+    packages: Mapping[str, str | Path] | None = None,
+    progress: Progress | None = None,
+) -> HandPlan:
+    """Plans grasps that a hand can make, each proved, with a posture, torques and a way there.
+
+        hand = load_hand("models/hands/three_finger/three_finger.hand.yaml")
+        plan = plan_hand_grasps(load_object("models/cube/cube.sdf"), hand)
+        print(plan.grasps[0].X_BPalm, plan.grasps[0].q, plan.grasps[0].torque.share)
+
+    The same input gives the same grasps, unless `budget` ends the search.
+
+    Args:
+        object_: object to grasp, loaded from a file.
+        hand: the hand, as load_hand returns it.
+        top: greatest number of grasps to return, one for each set of faces.
+        surroundings: other bodies of the scene at their poses in B, which hand and fingertips
+            avoid; see `surroundings_from_plant`.
+        up_B: direction against gravity, shape (3,), any length but 0; torques then hold 1.2 times
+            the weight in this orientation (default: the weight in every orientation).
+        load_mass: mass that the torques must hold [kg] (default: the object's).
+        avoid_directions: vectors in B, shape (3,) each; no contact has an outward normal within 45
+            degrees of one.
+        exclude_faces: indices of faces without contacts.
+        edge_clearance: least distance of contacts from the edges of their faces [m] (default: 0.3
+            tip radii, or less where no candidate is found).
+        friction_share: share of the contacts' friction that the torques' forces may use, above 0
+            and at most 1.
+        clearance: distance that the hand keeps from all but its contacts [m].
+        approach: length of the palm's straight way to the grasp [m].
+        fingers: triples of names of tips that may grasp (default: those of the description).
+        rank: order of the grasps: "epsilon", or "torque", the least share of the hand's effort.
+        placement_error: distance by which a contact may miss its place along its face, in any
+            direction [m]. Contacts keep at least this distance from edges.
+        tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
+        friction_error: fraction by which friction coefficients may be too high, 0 to below 1.
+        com_error: distance by which the centre of mass may be off, in any direction [m].
+        budget: time after which no more postures are tried [s].
+        seed: seed of the random postures and triples, 0 or more.
+        package_paths: folders searched for the packages of URIs in the object's model.
+        packages: folders of packages by name.
+        progress: called with the number of grasps found and wanted.
+
+    Returns:
+        The plan. If it has no grasps, `refusals` and `sentences` say why.
+
+    Raises:
+        UsageError: when an argument has the wrong type or value, or does not go with another.
+        ModelError: when the object came from no file, or the file cannot be read again.
+    """
+    start = perf_counter()
+    keep_freed_memory()
+    check_instance("object_", object_, GraspObject, "as load_object returns it")
+    hand = _with_fingers(check_instance("hand", hand, Hand, "as load_hand returns it"), fingers)
+    wanted = check_count("top", top) * _SPARE[check_choice("rank", rank, get_args(HandRank))]
+    seed = check_seed("seed", seed)
+    budget = check_number("budget", budget, "a time in seconds, above 0", above=0.0)
+    report = check_progress("progress", progress)
+    hold = _hold_options(up_B, load_mass, friction_share, clearance, approach)
+    tip_radius = max(tip.radius for tip in hand.tips)
+    options = PlanOptions(
+        top=top,
+        tip_radius=tip_radius,
+        edge_clearance=edge_clearance,
+        avoid_directions=avoid_directions,
+        exclude_faces=exclude_faces,
+        obstacles=_obstacles(object_, surroundings, tip_radius),
+        placement_error=placement_error,
+        tilt_error=tilt_error,
+        friction_error=friction_error,
+        com_error=com_error,
+    )
+    scene = HandScene(
+        hand,
+        object_,
+        surroundings=surroundings,
+        package_paths=check_paths("package_paths", package_paths),
+        packages=check_packages("packages", packages),
+    )
+    loaded = perf_counter()
+    reach = hand_reach(hand, seed)
+    drawn = perf_counter()
+    found, warnings = propose_with_clearance(object_, options, reach, hand, hold.clearance, seed)
+    found = in_order_of_overlap(found, scene, reach)
+    search = HandSearch(scene, reach, [found.grasp(k) for k in range(len(found.rows))], hold)
+    proposed = perf_counter()
+    left = max(budget - (proposed - start), _LEAST_SEARCH)
+    made, num_held = _make_grasps(search, found, reach, hold, left, wanted, report)
+    refused = list(search.refusals.values())
+    if len(made) == wanted:  # The others were not asked for.
+        refused = [one for one in refused if one.reason != "budget"]
+    tried = num_held + len(refused)
+    if not len(found.rows):
+        refused = [no_candidates(object_, hand, _span(reach, hand), found)]
+    made.sort(key=_share if rank == "torque" else _epsilon)
+    counts, sentences = count_refusals(refused)
+    seconds = {
+        "load": loaded - start,
+        "library": drawn - loaded,
+        "candidates": proposed - drawn,
+        "postures": perf_counter() - proposed,
+    }
+    return HandPlan(
+        tuple(made[:top]),
+        counts,
+        sentences,
+        len(found.rows),
+        tried,
+        seconds,
+        found.judge.work.request.settings,
+        (*warnings, *unchecked(hand, made)),
+    )
+
+
+def _with_fingers(hand: Hand, fingers: Iterable[Iterable[str]] | None) -> Hand:
+    """Returns the hand with the triples of tips that the user asks for."""
+    if fingers is None:
+        return hand
+    names = [tip.name for tip in hand.tips]
+    triples = set()
+    for item in check_items("fingers", fingers):
+        triple = check_items("an item of fingers", item)
+        if len(triple) != 3 or not all(name in names for name in triple) or len({*triple}) != 3:
+            raise refuse(
+                "an item of fingers", item, f"three different tips of the hand: {', '.join(names)}"
+            )
+        i, j, k = sorted(names.index(name) for name in triple)
+        triples.add((i, j, k))
+    if not triples:
+        raise UsageError("fingers is empty; name at least one triple of tips, or leave it out")
+    return replace(hand, fingers=tuple(sorted(triples)))
+
+
+def _hold_options(
+    up_B: npt.ArrayLike | None,
+    load_mass: float | None,
+    friction_share: float,
+    clearance: float,
+    approach: float,
+) -> HoldOptions:
+    """Returns the checked options of postures and torques."""
+    share = "a share of the friction, above 0 and at most 1"
+    return HoldOptions(
+        mass=None
+        if load_mass is None
+        else check_number("load_mass", load_mass, "a mass in kg, above 0", above=0.0),
+        up_B=None if up_B is None else frozen(unit_direction(up_B, "up_B")),
+        friction_share=check_number("friction_share", friction_share, share, above=0.0, most=1.0),
+        clearance=check_length("clearance", clearance),
+        approach=check_length("approach", approach),
+    )
+
+
+def _obstacles(
+    object_: GraspObject, surroundings: Surroundings | None, tip_radius: float
+) -> Obstacles | None:
+    """Returns the surroundings as what fingertips must not penetrate."""
+    if surroundings is None:
+        return None
+    source = "as surroundings_from_plant returns them"
+    check_instance("surroundings", surroundings, Surroundings, source)
+    check_same_body("surroundings", surroundings.body, object_.body)
+    return obstacles_of(surroundings, object_, object_.polyhedron.diameter + 4 * tip_radius)
+
+
+def _make_grasps(
+    search: HandSearch,
+    found: HandCandidates,
+    reach: Reach,
+    hold: HoldOptions,
+    budget: float,
+    wanted: int,
+    report: Progress,
+) -> tuple[list[HandGrasp], int]:
+    """Returns certified grasps with postures, one on each set of faces, and how many can be held.
+
+    Where errors are asked for, those that bear them come before others, and squeeze as much as they
+    then need.
+    """
+    made: list[HandGrasp] = []
+    others: list[HandGrasp] = []
+    num_held = 0
+    report(0, wanted)
+    for index, held in search.run(budget):
+        num_held += 1
+        certified = found.certified(index)
+        if found.has_errors:
+            again = None
+            if certified.region is not None:
+                again = _held_again(search, reach, certified, hold)
+            if again is None:
+                others.append(hand_grasp(search.scene, replace(certified, region=None), held))
+                continue
+            held = again
+        made.append(hand_grasp(search.scene, certified, held))
+        report(len(made), wanted)
+        if len(made) == wanted:
+            break
+        search.skip(np.flatnonzero(found.set_index == found.set_index[index]).tolist())
+    for grasp in others:
+        sets = {one.certified.grasp.faces for one in made}
+        if len(made) < wanted and grasp.certified.grasp.faces not in sets:
+            made.append(grasp)
+    return made, num_held
+
+
+def _held_again(
+    search: HandSearch, reach: Reach, certified: CertifiedGrasp, hold: HoldOptions
+) -> HeldGrasp | None:
+    """Returns how the hand holds a grasp that bears errors, with the squeeze that it then needs."""
+    again = HandSearch(search.scene, reach, [certified], hold)
+    return next((held for _, held in again.run(_LEAST_SEARCH)), None)
+
+
+def _span(reach: Reach, hand: Hand) -> Array:
+    """Returns the least and greatest distance of two tips that grasp [m], shape (2,)."""
+    return tip_distances(reach, hand.fingers) if len(reach.q) else np.zeros(2)
+
+
+def _epsilon(grasp: HandGrasp) -> float:
+    """Returns what orders grasps by epsilon: of those that are to bear errors the least one."""
+    region = grasp.certified.region
+    if region is not None and region.epsilon_lower is not None:
+        return -region.epsilon_lower
+    return -grasp.certified.certificate.epsilon_lower
+
+
+def _share(grasp: HandGrasp) -> float:
+    share = grasp.torque.share
+    return float("inf") if share is None else share
