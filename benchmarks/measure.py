@@ -32,7 +32,7 @@ from benchmarks.peers import (
 )
 from drake_polygrasp import GraspObject, GraspPlan, load_object, plan_grasps
 from drake_polygrasp.arrays import Array, join_rows
-from drake_polygrasp.geometry.regions import Regions, erode
+from drake_polygrasp.geometry.regions import PLACEMENT_ERROR, Regions, erode
 from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
 from drake_polygrasp.settings import TIP_RADIUS
 
@@ -92,16 +92,17 @@ def peak_memory() -> float:
 
 def peers(file: Path, mu: float | None, repeat: int) -> Any:
     """Random and antipodal search, each the fastest of some runs."""
-    draws: dict[str, tuple[Draw, int]] = {
-        "random": (random_triples, NUM_TRIPLES),
-        "random_x4": (random_triples, 4 * NUM_TRIPLES),
-        "antipodal": (antipodal_triples, NUM_TRIPLES),
+    draws: dict[str, tuple[Draw, int, float]] = {
+        "random": (random_triples, NUM_TRIPLES, 0.0),
+        "random_x4": (random_triples, 4 * NUM_TRIPLES, 0.0),
+        "random_inside": (random_triples, NUM_TRIPLES, PLACEMENT_ERROR),
+        "antipodal": (antipodal_triples, NUM_TRIPLES, 0.0),
     }
     results: dict[str, Any] = {}
-    for name, (draw, num) in draws.items():
-        search(load_object(CUBE), draw)  # first calls are not timed
+    for name, asked in draws.items():
+        search(load_object(CUBE), *asked)  # first calls are not timed
         # What an object keeps of one run, such as its trees, must not serve the next.
-        runs = [search(load_object(file, mu=mu), draw, num) for _ in range(repeat)]
+        runs = [search(load_object(file, mu=mu), *asked) for _ in range(repeat)]
         results[name] = min(runs, key=lambda run: run["seconds"]["total"])
     return results
 
@@ -125,11 +126,17 @@ def long_search(file: Path, mu: float | None, num: int, starts: list[dict[str, A
     return _summary(object_, best, regions) | {"seconds": stopwatch.seconds}
 
 
-def search(object_: GraspObject, draw: Draw, num: int = NUM_TRIPLES) -> dict[str, Any]:
-    """Best of `num` triples, proved; its stages, erosion included, are timed."""
+def search(
+    object_: GraspObject, draw: Draw, num: int = NUM_TRIPLES, clearance: float = 0.0
+) -> dict[str, Any]:
+    """Best of `num` triples, proved; its stages, erosion included, are timed.
+
+    Contacts keep at least `clearance` times the diameter from edges.
+    """
     stopwatch = Stopwatch()
     keep_freed_memory()
-    regions = erode(object_.polyhedron)
+    L = object_.polyhedron.diameter
+    regions = erode(object_.polyhedron, least_clearance=clearance * L)
     surface = surface_of(regions)
     stopwatch.lap("erode")
     triples = draw(surface, num, np.random.default_rng(SEED))

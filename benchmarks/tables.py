@@ -15,7 +15,11 @@ Results = list[dict[str, Any]]
 
 PEERS = ("quick", "random", "random_x4", "antipodal", "paper", "best")
 TIMED = ("random", "random_x4")
-COMPARED = [("ours", peer) for peer in PEERS] + [("quick", peer) for peer in (*TIMED, "best")]
+COMPARED = [
+    *(("ours", peer) for peer in PEERS),
+    *(("quick", peer) for peer in (*TIMED, "best")),
+    *(("default", peer) for peer in ("random_inside", "ours")),
+]
 """Whose epsilon is divided by whose."""
 _ROW = "{:<20}{:>6}{:>8}{:>9}{:>9}{:>9}{:>7}{:>9}{:>8}{:>9}{:>9}{:>10}{:>8}{:>8}{:>10}{:>10}"
 HEADER = _ROW.format(
@@ -36,7 +40,7 @@ HEADER = _ROW.format(
     "t/random",
     "tq/random",
 )
-_KIND = "{:<16}{:>4}  {:<14}{:>8}{:>8}{:>8}{:>9}"
+_KIND = "{:<16}{:>4}  {:<18}{:>8}{:>8}{:>8}{:>9}"
 
 
 def value(result: dict[str, Any], *path: str) -> float:
@@ -96,8 +100,14 @@ def kinds_table(results: Results) -> str:
                 spread = (np.median(ratios), np.percentile(ratios, 2), ratios.min())
                 share = f"{100 * (ratios >= 1).mean():.0f} %"
                 numbers = (f"{r:.3f}" for r in spread)
-                name = peer if ours == "ours" else f"q / {peer}"
+                name = peer if ours == "ours" else f"{ours[0]} / {peer}"
                 lines.append(_KIND.format(kind, len(ratios), name, *numbers, share))
+        for stage in ("plan", "certify"):
+            seconds = _known(value(result, "default", "seconds", stage) for result in members)
+            if len(seconds):
+                spread = (np.median(seconds), np.percentile(seconds, 98), seconds.max())
+                numbers = (f"{s:.3f}" for s in spread)
+                lines.append(_KIND.format(kind, len(seconds), f"d {stage} s", *numbers, ""))
         for ours, peer in itertools.product(("ours", "quick"), TIMED):
             times = _known(time_ratio(result, peer, ours) for result in members)
             if len(times):
@@ -107,7 +117,11 @@ def kinds_table(results: Results) -> str:
                 name = f"t({peer})" if ours == "ours" else f"tq({peer})"
                 lines.append(_KIND.format(kind, len(times), name, *numbers, share))
     return "\n".join(
-        [*lines, "(t: of seconds; median, 98th percentile, most. q: quick, one grasp)", ""]
+        [
+            *lines,
+            "(s, t: of seconds; median, 98th percentile, most. q: quick, one grasp. d: default)",
+            "",
+        ]
     )
 
 
