@@ -22,6 +22,8 @@ SETS_OF_A_KIND = 10
 sets of two faces, though on most objects without parallel faces three hold best."""
 LEAST_RANKED = 10
 """Our choice: sets at least whose least epsilon under errors is compared."""
+SETS_TRIED = 3
+"""Our choice: sets that are tried for errors, over those whose least epsilon is compared."""
 _STEPS_WITH_ANOTHER = 2
 """Steps of the longer search that propose denser points; later ones evaluate more sets."""
 SPARE = 2
@@ -55,7 +57,7 @@ def prove_candidates(request: PlanRequest, *, another_follows: bool = False) -> 
         if judge.proofs or another_follows:
             return judge
     judge = Judge(enriched(request))
-    wanted = max(top + SPARE, LEAST_RANKED) if request.errors else top + SPARE
+    wanted = SETS_TRIED * max(top + SPARE, LEAST_RANKED) if request.errors else top + SPARE
     _judge_by_estimate(judge, judge.estimates(), wanted)
     longer = islice(extended(request, judge), _STEPS_WITH_ANOTHER if another_follows else None)
     while len(judge.held_sets) < (1 if another_follows else top):

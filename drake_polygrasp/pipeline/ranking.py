@@ -17,8 +17,14 @@ from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Quality
 from drake_polygrasp.pipeline.candidates import KINDS, ProjectedCandidates
 from drake_polygrasp.pipeline.fallback import sets_held
 from drake_polygrasp.pipeline.judge import Judge
-from drake_polygrasp.pipeline.judging import LEAST_RANKED, SPARE
-from drake_polygrasp.pipeline.region_certificates import Errors, certify_errors
+from drake_polygrasp.pipeline.judging import LEAST_RANKED, SETS_TRIED, SPARE
+from drake_polygrasp.pipeline.region_certificates import (
+    Errors,
+    ProvedErrors,
+    bound_errors,
+    certify_errors,
+    prove_errors,
+)
 from drake_polygrasp.settings import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
@@ -99,45 +105,113 @@ def _bearing_errors(
     equals the least epsilon under errors counts.
     """
     quick = judges[0].work.request.settings.effort == "quick"
-    compared = top if rank != "epsilon" or quick else max(top + SPARE, LEAST_RANKED)
-    found: list[tuple[_Ranked, int, CertifiedGrasp]] = []
+    by_epsilon = rank == "epsilon"
+    compared = top if quick or not by_epsilon else max(top + SPARE, LEAST_RANKED)
+    found: list[_Bearing] = []
     for position, judge in enumerate(judges):
         if len(found) >= top:
             break
         before = sets_held(judges[:position], judge.work.request.regions).tolist()
-        ranked = _ranked_candidates(judge, rank)
-        sets = judge.work.plan.sets[judge.work.candidates.set_index].tolist()
-        fresh = [entry for entry in ranked if sets[entry.row] not in before]
-        for entry in _first_of_each_set(judge.work, fresh)[: compared - len(found)]:
-            of_set = [other.row for other in fresh if sets[other.row] == sets[entry.row]]
-            found.append((entry, *_bearing(judge, of_set[:_TRIED_OF_A_SET], errors)))
-    if rank == "epsilon":
-        found.sort(key=lambda entry: (entry[1], -_least_epsilon(entry[2])))
+        groups = _best_of_each_set(judge, rank, before)
+        tried = groups[: SETS_TRIED * compared] if by_epsilon else groups[:compared]
+        found += _first_bearing(judge, tried, errors, compared - len(found))
+    if by_epsilon:
+        found.sort(key=lambda each: each.level)  # stable
+    graded = [(each, each.certified) for each in found[:compared]]
+    if by_epsilon:
+        graded.sort(key=lambda pair: (pair[0].level, -_least_epsilon(pair[1])))
     else:
-        found.sort(key=lambda entry: entry[0])
-    return tuple(grasp for _, _, grasp in found[:top])
+        graded.sort(key=lambda pair: pair[0].ranked)
+    return tuple(certified for _, certified in graded[:top])
 
 
-def _bearing(judge: Judge, rows: list[int], errors: Sequence[Errors]) -> tuple[int, CertifiedGrasp]:
-    """Certifies the first of some candidates that bears the greatest errors.
+@dataclass(frozen=True, eq=False)
+class _Bearing:
+    """A proved candidate, and the greatest errors that it was found to bear."""
 
-    Returns:
-        The index of these errors, their number where no candidate bears any, and the grasp.
+    judge: Judge
+    ranked: _Ranked
+    level: int
+    """Index of the errors, their number for none."""
+    proved: ProvedErrors | None
+
+    @property
+    def certified(self) -> CertifiedGrasp:
+        """The certified grasp, with bounds of epsilon under the errors."""
+        (certified,) = _certified(self.judge, [self.ranked.row], [None])
+        if self.proved is None:
+            return certified
+        object_ = self.judge.work.request.object_
+        return replace(certified, region=bound_errors(object_, certified.grasp, self.proved))
+
+
+def _best_of_each_set(judge: Judge, rank: Rank, without: list[list[int]]) -> list[list[_Ranked]]:
+    """Returns up to `_TRIED_OF_A_SET` candidates of each set of regions, best first.
+
+    Args:
+        judge: the candidates and their proofs.
+        rank: what puts one before another.
+        without: sets that are left out.
+    """
+    sets = judge.work.plan.sets
+    groups: dict[int, list[_Ranked]] = {}
+    for entry in _ranked_candidates(judge, rank):
+        set_index = int(judge.work.candidates.set_index[entry.row])
+        groups.setdefault(set_index, []).append(entry)
+    return [
+        entries[:_TRIED_OF_A_SET]
+        for set_index, entries in groups.items()
+        if sets[set_index].tolist() not in without
+    ]
+
+
+def _first_bearing(
+    judge: Judge, groups: list[list[_Ranked]], errors: Sequence[Errors], wanted: int
+) -> list[_Bearing]:
+    """Finds sets that bear the greatest errors; then others, best first, that bear less.
+
+    Args:
+        judge: the candidates and their proofs.
+        groups: candidates of each set, best first.
+        errors: what they are tried for, greatest first.
+        wanted: how many sets to return at most.
+    """
+    found: list[_Bearing] = []
+    others: list[_Bearing] = []
+    for entries in groups:
+        if len(found) == wanted:
+            break
+        bearing = _bearing(judge, entries, errors, levels=1)
+        (found if bearing.proved else others).append(bearing)
+    by_set = {entries[0].row: entries for entries in groups}
+    for other in others[: wanted - len(found)]:
+        found.append(_bearing(judge, by_set[other.ranked.row], errors, levels=len(errors)))
+    return found
+
+
+def _bearing(
+    judge: Judge, entries: list[_Ranked], errors: Sequence[Errors], levels: int
+) -> _Bearing:
+    """Finds the first of some candidates of a set that bears the greatest errors.
+
+    Args:
+        judge: the candidates and their proofs.
+        entries: candidates of one set, best first.
+        errors: what they are tried for, greatest first.
+        levels: number of these errors that are tried.
     """
     work = judge.work
     tried: set[tuple[float, ...]] = set()
-    for level, asked in enumerate(errors):
-        of_grasp = asked.on(work.face[rows[0]])
+    for level, asked in enumerate(errors[:levels]):
+        of_grasp = asked.on(work.face[entries[0].row])
         if of_grasp in tried:
             continue
         tried.add(of_grasp)
-        for row in rows:
-            region = certify_errors(work.request.object_, _grasp(work, row), asked)
-            if region is not None:
-                (certified,) = _certified(judge, [row], [None])
-                return level, replace(certified, region=region)
-    (certified,) = _certified(judge, rows[:1], [None])
-    return len(errors), certified
+        for entry in entries:
+            proved = prove_errors(work.request.object_, _grasp(work, entry.row), asked)
+            if proved is not None:
+                return _Bearing(judge, entry, level, proved)
+    return _Bearing(judge, entries[0], len(errors), None)
 
 
 def _least_epsilon(grasp: CertifiedGrasp) -> float:

@@ -9,11 +9,12 @@ import numpy as np
 
 from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen
-from drake_polygrasp.certification.contact_regions import certify_regions
+from drake_polygrasp.certification.contact_regions import CertifiedRegions, certify_regions
 from drake_polygrasp.certification.region_epsilon import region_epsilon
 from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.placement_regions import placement_region
+from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, RegionCertificate, grasp_of
 from drake_polygrasp.settings import ERROR_NAMES, check_errors
 
@@ -115,7 +116,7 @@ def certify_region(
 
 
 def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> RegionCertificate | None:
-    """Proves that a grasp bears errors.
+    """Proves that a grasp bears errors, and bounds epsilon and squeeze force under them.
 
     Args:
         object_: what is grasped.
@@ -126,6 +127,37 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
         The certificate; None where contacts may touch what they must not, or no internal force
         proves all placements.
     """
+    proved = prove_errors(object_, grasp, errors)
+    return None if proved is None else bound_errors(object_, grasp, proved)
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedErrors:
+    """Errors that a grasp bears, with the proof.
+
+    Attributes:
+        errors: what may happen at once.
+        pieces: for each contact, the surface that it may touch.
+        regions: the internal force that proves all placements.
+    """
+
+    errors: Errors
+    pieces: tuple[tuple[SurfacePiece, ...], ...]
+    regions: CertifiedRegions
+
+
+def prove_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> ProvedErrors | None:
+    """Proves that a grasp stays force closure under errors.
+
+    Args:
+        object_: what is grasped.
+        grasp: three contacts on its surface.
+        errors: what may happen at once.
+
+    Returns:
+        The proof; None where contacts may touch what they must not, or no internal force proves all
+        placements.
+    """
     radii = [at_most(r) for r in errors.placement[list(grasp.faces)].tolist()]
     pieces = []
     for p_BC, nhat_TB_B, face, radius in zip(
@@ -135,7 +167,7 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
         if not region.pieces:
             return None
         pieces.append(region.pieces)
-    proved = certify_regions(
+    regions = certify_regions(
         grasp.p_BC,
         grasp.nhat_TB_B,
         grasp.mu,
@@ -144,10 +176,23 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
         tilt_error=errors.tilt,
         friction_error=errors.friction,
     )
-    if proved is None:
-        return None
+    return None if regions is None else ProvedErrors(errors, tuple(pieces), regions)
+
+
+def bound_errors(object_: GraspObject, grasp: Grasp, proved: ProvedErrors) -> RegionCertificate:
+    """Bounds epsilon and squeeze force under errors that a grasp bears.
+
+    Args:
+        object_: what is grasped.
+        grasp: three contacts on its surface.
+        proved: the errors and their proof.
+
+    Returns:
+        The certificate.
+    """
+    errors = proved.errors
     bounds = region_epsilon(
-        pieces,
+        proved.pieces,
         grasp.mu,
         object_.p_BBcm,
         object_.rho,
@@ -157,12 +202,12 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
         mass=object_.mass,
     )
     return RegionCertificate(
-        placement_error=proved.placement_error,
+        placement_error=proved.regions.placement_error,
         tilt_error=errors.tilt,
         friction_error=errors.friction,
         com_error=errors.com,
-        internal_force=proved.internal_force,
-        pieces=tuple(pieces),
+        internal_force=proved.regions.internal_force,
+        pieces=proved.pieces,
         epsilon_lower=bounds.epsilon_lower,
         epsilon_upper=bounds.epsilon_upper,
         squeeze_force=bounds.squeeze_force,
