@@ -81,6 +81,21 @@ def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
     return array
 
 
+def distinct_values(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Returns the distinct values of an array, ascending.
+
+    `np.unique` does the same, but first imports `numpy.ma`, which takes longer than all calls of it
+    in planning a small object.
+
+    Args:
+        values: any shape.
+
+    Returns:
+        One-dimensional.
+    """
+    return np.unique(values, return_index=True)[0]
+
+
 def gather(offsets: Ints, rows: Ints) -> tuple[Ints, Ints]:
     """Returns where the items of some rows of a ragged array are, and whose each of them is.
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, distinct_values
 
 MOST_POINTS = 512
 """Our choice: most points, so that an index has nine bits in a key."""
@@ -178,7 +178,7 @@ def connected(simplices: Ints, part: Ints, starts: Ints) -> Bools:
     front = starts
     while len(front):
         near = across[front]
-        front = np.unique(near[(part[near] == part[front, None]) & ~reached[near]])
+        front = distinct_values(near[(part[near] == part[front, None]) & ~reached[near]])
         reached[front] = True
     return reached
 

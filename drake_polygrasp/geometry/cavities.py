@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, distinct_values, frozen
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.shells import connected_components
 from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
@@ -97,7 +97,7 @@ def enclose_nothing(vertices: Array, corners: Ints, shell: Ints, closed: Bools, 
         return False
     for k in range(len(closed)):
         own = corners[shell == k]
-        points = vertices[np.unique(own)]
+        points = vertices[distinct_values(own)]
         if len(own) * len(points) > _MOST_PAIRS:
             return False
         nhat, _ = unit_normals(vertices[own])
@@ -136,7 +136,7 @@ def find_cavities(
         samples = samples[((samples >= least) & (samples <= most)).all(axis=1)]
         free[tuple(np.floor((samples - low) / side).astype(np.int64).T)] = False
     run, component = _components(free)
-    inner = np.unique(component[component != component[0]])  # The first cell is outside.
+    inner = distinct_values(component[component != component[0]])  # The first cell is outside.
     first = np.searchsorted(run.ravel(), inner)
     middle = low + side * (np.column_stack(np.unravel_index(first, free.shape)) + 0.5)
     solid = TriangleSoup(triangles[closed]).winding_numbers(middle) > 0

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, distinct_values
 from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.vectors import cross, dot, times
 
@@ -68,7 +68,9 @@ def faces_cut_wrongly(vertices: Array, corners: Ints, offsets: Ints, triangles: 
     wrong = np.sqrt(dot(missing, missing)) > _CROSSING * size
     wrong[owner[turned]] = True
     # A triangle with a corner of another face: the triangles are not in the order of the faces.
-    keys = np.unique(np.repeat(np.arange(len(size)), np.diff(offsets)) * len(vertices) + corners)
+    keys = distinct_values(
+        np.repeat(np.arange(len(size)), np.diff(offsets)) * len(vertices) + corners
+    )
     foreign = ~np.isin(owner[:, None] * len(vertices) + triangles, keys)
     wrong[owner[foreign.any(axis=1)]] = True
     extent = _extent(vertices, corners, offsets)

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, batches
+from drake_polygrasp.arrays import Array, Bools, Ints, batches, distinct_values
 from drake_polygrasp.vectors import circle
 
 _SEARCH = 1e-2
@@ -42,7 +42,7 @@ def inradius(polygons: npt.NDArray[np.object_]) -> Array:
     inradii = np.zeros(len(polygons))
     # Group polygons by their number of sides, because arrays are padded to the largest number.
     size = np.log2(np.maximum(shapely.get_num_coordinates(polygons), 1)).astype(np.int64)
-    for value in np.unique(size):
+    for value in distinct_values(size):
         rows = np.flatnonzero(size == value)
         for some in batches(len(rows), _SIDES_AT_ONCE >> value):
             inradii[rows[some]] = _inradius(polygons[rows[some]])

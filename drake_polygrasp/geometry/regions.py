@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, distinct_values, frozen
 from drake_polygrasp.geometry.inradius import inradius, rough_inradius
 from drake_polygrasp.geometry.polygons import shrunk
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -181,7 +181,7 @@ def _regions(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], face: In
         p_BV=frozen(p_BV),
         ring_offsets=frozen(ring_offsets, np.int64),
         region_offsets=frozen(region_offsets, np.int64),
-        num_left_out=len(polyhedron.faces) - len(np.unique(face)),
+        num_left_out=len(polyhedron.faces) - len(distinct_values(face)),
     )
 
 

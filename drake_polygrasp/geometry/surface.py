@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, distinct_values, frozen
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.cavities import Cavities, enclose_nothing, find_cavities
 from drake_polygrasp.geometry.patches import Patch, check_tolerances, curved_triangles, grow_patches
@@ -265,7 +265,7 @@ def _exposed_faces(mesh: Mesh, plane: Plane, L: float) -> list[Face]:
     vertices = np.concatenate([xy[corners].reshape(-1, 2), shapely.get_coordinates(cover)])
     taken = shapely.union_all(cover, grid_size=grid)
     faces: list[Face] = []
-    for value in np.unique(mu):
+    for value in distinct_values(mu):
         own = merged(pieces[mu == value], grid)
         free = shapely.difference(own, taken, grid_size=grid)
         taken = shapely.union_all(areas_of([taken, own]), grid_size=grid)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Bools, Ints, distinct_values
 from drake_polygrasp.geometry.face_contacts import (
     coordinates_in_planes,
     face_planes,
@@ -74,7 +74,7 @@ def project_contacts(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Project
     p_BC[flat], nhat_TB_B[flat], ok[flat] = project_on_faces(polyhedron, p_BC[flat], face[flat])
     if len(curved):
         facets = facets_of(polyhedron)
-        for k in np.unique(face[curved]):
+        for k in distinct_values(face[curved]):
             rows = np.flatnonzero(face == k)
             p_BC[rows], nhat_TB_B[rows], ok[rows] = project_on_patch(
                 polyhedron, facets, polyhedron.faces[k], p_BC[rows]
@@ -192,7 +192,7 @@ def edge_distance(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> Array:
     is_patch = polyhedron.is_patch[face]
     if is_patch.any():
         distance[is_patch] = level_distance(polyhedron, p_BC[is_patch], face[is_patch])
-    for k in np.unique(face[~is_patch]):
+    for k in distinct_values(face[~is_patch]):
         rows, on = np.flatnonzero(face == k), polyhedron.faces[k]
         points = shapely.points(times(p_BC[rows] - on.p_BF, on.R_BF[:, :2]))
         to_edges = shapely.distance(shapely.boundary(on.polygon_F), points)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, Shapes
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, distinct_values
 from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE, ON_SURFACE
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot
@@ -134,7 +134,7 @@ def _less_hidden(shapes: Shapes, planes: Array, tolerance: float) -> Shapes:
     low, high = _heights(overlap, planes[j] - planes[i])
     hides = high > tolerance
     shapes = shapes.copy()
-    for k in np.unique(i[hides]):
+    for k in distinct_values(i[hides]):
         pairs = np.flatnonzero(hides & (i == k))
         hiders = [
             overlap[pair]

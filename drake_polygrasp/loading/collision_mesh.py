@@ -28,7 +28,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 
-from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.arrays import Array, Ints, distinct_values, frozen
 from drake_polygrasp.errors import ModelError, with_remedy
 from drake_polygrasp.geometry.face_triangles import faces_cut_wrongly, triangulate
 from drake_polygrasp.geometry.shells import faces_inward
@@ -94,7 +94,7 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
         except ValueError as error:
             raise ModelError(f"{name}: {with_remedy(error, 'repair the mesh')}") from error
     triangles = _outward(name, vertices, triangles, warnings)
-    num_spare = len(vertices) - len(np.unique(triangles))
+    num_spare = len(vertices) - len(distinct_values(triangles))
     if num_spare:
         warnings.append(
             f"{name}: no face uses {num_spare} of its {len(vertices)} vertices, which are left "

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints, Shapes, frozen, gather
+from drake_polygrasp.arrays import Array, Ints, Shapes, distinct_values, frozen, gather
 from drake_polygrasp.digits import to_decimals
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.regions import Boundary, Regions, boundary, erode
@@ -83,7 +83,7 @@ def trace_set(
     if len(wanted) not in (2, 3) or not wanted <= set(regions.face.tolist()):
         raise UsageError(
             f"{tuple(faces)} is not a set of two or three faces wide enough for a finger; those "
-            f"that are: {np.unique(regions.face).tolist()}"
+            f"that are: {distinct_values(regions.face).tolist()}"
         )
     regions = _only(regions, np.flatnonzero(np.isin(regions.face, list(wanted))))
     scale = Scale(object_.p_BBcm, object_.rho, object_.polyhedron.diameter)

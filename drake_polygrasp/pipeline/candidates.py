@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools, Ints, join_rows
+from drake_polygrasp.arrays import Array, Bools, Ints, distinct_values, join_rows
 from drake_polygrasp.digits import on_grid, to_decimals
 from drake_polygrasp.geometry.face_sets import find_rows, sets_of
 from drake_polygrasp.geometry.regions import Regions
@@ -116,7 +116,7 @@ class ProjectedCandidates:
         Args:
             rows: indices of the candidates.
         """
-        sets: Ints = np.unique(self.candidates.set_index[np.fromiter(rows, dtype=np.int64)])
+        sets: Ints = distinct_values(self.candidates.set_index[np.fromiter(rows, dtype=np.int64)])
         return sets
 
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Ints, Shapes, frozen
+from drake_polygrasp.arrays import Array, Ints, Shapes, distinct_values, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.regions import Regions
@@ -103,7 +103,7 @@ def _cut_off(
     owner = owner[triangle]
     near = shapely.intersects(polygons[owner], blocked)
     blocked, owner = blocked[near], owner[near]
-    for k in np.unique(owner):
+    for k in distinct_values(owner):
         polygons[k] -= shapely.union_all(blocked[owner == k])
 
 
@@ -119,7 +119,7 @@ def _outside(regions: Regions, obstacles: Obstacles, tip_radius: float) -> Regio
     p_FT = np.column_stack([xy, np.full(len(parts), tip_radius)])
     p_BT = regions.p_BF[owner] + np.einsum("nij,nj->ni", regions.R_BF[owner], p_FT)
     inside = obstacles.contain(p_BT)
-    for k in np.unique(owner[inside]):
+    for k in distinct_values(owner[inside]):
         polygons[k] = shapely.MultiPolygon(parts[(owner == k) & ~inside].tolist())
     return _with_polygons(regions, polygons)
 

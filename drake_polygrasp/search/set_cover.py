@@ -58,8 +58,12 @@ def _thresholds(h: Singles, num: int) -> Singles:
 
 @cache
 def _sample() -> Array:
-    """Triples drawn evenly, as shares of how many points there are, shape (_SAMPLE, 3)."""
-    return frozen(np.random.default_rng(0).random((_SAMPLE, 3)))
+    """Triples spread evenly, as shares of how many points there are, shape (_SAMPLE, 3).
+
+    They are multiples modulo 1 of powers of 1 / x, x^4 = x + 1: a sequence of low discrepancy.
+    """
+    powers = 1.2207440846057596 ** -np.arange(1.0, 4.0)
+    return frozen((0.5 + np.arange(1, _SAMPLE + 1)[:, None] * powers) % 1.0)
 
 
 def _above(h: Singles, threshold: float, num: int) -> Ints:
