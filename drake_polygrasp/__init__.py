@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         RegionCertificate,
     )
     from drake_polygrasp.hand_grasp import HandGrasp
+    from drake_polygrasp.hands.check import HandReport, check_hand
     from drake_polygrasp.hands.hand import Hand
     from drake_polygrasp.hands.model import load_hand
     from drake_polygrasp.loading.object_model import load_object
@@ -91,6 +92,7 @@ __all__ = [
     "HandError",
     "HandGrasp",
     "HandPlan",
+    "HandReport",
     "ModelError",
     "Obstacles",
     "OptimalityGap",
@@ -106,6 +108,7 @@ __all__ = [
     "__version__",
     "certify_in_plant",
     "certify_region",
+    "check_hand",
     "contact_poses",
     "epsilon_gap",
     "explain_sets",
@@ -142,6 +145,7 @@ _HOMES = {
         *("PlantRecord", "PlantVerdict", "RegionCertificate"),
     ),
     "hand_grasp": ("HandGrasp",),
+    "hands.check": ("HandReport", "check_hand"),
     "hands.hand": ("Hand",),
     "hands.model": ("load_hand",),
     "loading.object_model": ("load_object",),

@@ -144,6 +144,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
             "friction_error": 0.1,
             "com_error": 0.001,
         },
+        "check_hand": {"hand": own_hand(), "num": 20, "seed": 0},
         "contact_poses": {"grasp": off},
         "epsilon_gap": {"object_": cube, "plan": plan, "nodes": 10, "progress": None},
         "explain_sets": planned,

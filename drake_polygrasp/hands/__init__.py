@@ -8,6 +8,7 @@
 | in_plant.py | adds a hand to a plant and finds its elements there |
 | couplings.py | which joints are independent, and how the others follow them |
 | library.py | random postures of a hand, and what its tips reach in them |
+| check.py | what a hand can do, and what may keep it from grasping: `check_hand` |
 | tip_fit.py | how well the sphere of a fingertip fits its geometry |
 | scene.py | hand, object and what is around it in one scratch plant: `HandScene` |
 | starts.py | postures of the library, moved onto contacts by Kabsch's fit |

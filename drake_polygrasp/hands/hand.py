@@ -101,6 +101,11 @@ class Hand:
         return self.description.name
 
     @property
+    def model_suffix(self) -> str:
+        """Suffix of the model file, in lower case: ".sdf"."""
+        return self._files.model_file.suffix.lower()
+
+    @property
     def approach_P(self) -> Array:
         """Unit vector from the palm to the object, shape (3,)."""
         return self.description.approach_P

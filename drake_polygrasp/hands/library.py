@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from pydrake.geometry import GeometryId, SceneGraphInspector
 
-from drake_polygrasp.arguments import check_count, check_instance, check_seed
+from drake_polygrasp.arguments import check_count, check_instance, check_seed, refuse
 from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.hands.hand import Hand
 from drake_polygrasp.hands.in_plant import short_name
@@ -18,6 +18,8 @@ from drake_polygrasp.vectors import times
 
 NUM_DRAWS = 6000
 """Our choice: with 3000 the same objects were graspable, with fewer good starts for each."""
+_MOST_DRAWS = 1_000_000
+"""Our choice: more would take minutes and a gigabyte."""
 _DECIMALS = 9
 """Decimals to which lengths and axes are rounded: the last bits of forward kinematics depend on the
 processor."""
@@ -54,7 +56,7 @@ def make_reach(hand: Hand, num: int = NUM_DRAWS, seed: int = 0) -> Reach:
         UsageError: when an argument has the wrong type or value.
     """
     check_instance("hand", hand, Hand, "as load_hand returns it")
-    draws = draw_postures(hand, check_count("num", num), check_seed("seed", seed))
+    draws = draw_postures(hand, num, seed)
     q = draws.q[draws.free]
     p_PT = np.empty((len(q), len(hand.tips), 3))
     axis_P = np.empty_like(p_PT)
@@ -89,7 +91,13 @@ def draw_postures(hand: Hand, num: int, seed: int) -> Draws:
 
     Returns:
         The postures, and which collide.
+
+    Raises:
+        UsageError: when a number is wrong.
     """
+    num, seed = check_count("num", num), check_seed("seed", seed)
+    if num > _MOST_DRAWS:
+        raise refuse("num", num, f"at most {_MOST_DRAWS}")
     rng = np.random.default_rng(seed)
     chosen = [hand.joints.index(name) for name in hand.independent]
     lower, upper = hand.lower[chosen], hand.upper[chosen]
