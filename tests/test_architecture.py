@@ -55,14 +55,15 @@ MAY_IMPORT: dict[str, set[str]] = {
         *("certification", "geometry", "grasp", "pipeline", "search", "wrenches"),
     },
     "visualization": {
-        *("certification", "files", "geometry", "grasp", "paper", "pipeline", "wrenches"),
+        *("certification", "files", "geometry", "grasp", "hands", "paper", "pipeline"),
+        "wrenches",
     },
     "batch": {
         *("files", "geometry", "grasp", "loading", "pipeline", "settings", "verification"),
     },
     "cli": {
-        *("batch", "exporters", "files", "grasp", "loading", "optimality", "paper", "pipeline"),
-        *("settings", "verification", "visualization"),
+        *("batch", "exporters", "files", "grasp", "hand_grasp", "hands", "loading", "optimality"),
+        *("paper", "pipeline", "settings", "verification", "visualization"),
     },
 }
 """Which rooms a room may import. The paper and the search do not know each other, what certifies

@@ -5,6 +5,8 @@
 | main.py | parses the arguments, runs a subcommand, returns the exit code |
 | plan.py | `polygrasp plan` |
 | plan_table.py | the table and JSON of `polygrasp plan` |
+| hand_plan.py | `polygrasp plan --hand` |
+| hand.py | `polygrasp hand check` |
 | verify.py | `polygrasp verify` |
 | verify_table.py | the table and JSON of `polygrasp verify` |
 | explain.py | `polygrasp explain` |

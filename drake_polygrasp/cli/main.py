@@ -20,6 +20,7 @@ from drake_polygrasp.cli.calls import child_limits
 from drake_polygrasp.cli.child_process import READ_SECONDS, call_in_child
 from drake_polygrasp.cli.explain import add_explain, run_explain
 from drake_polygrasp.cli.export import add_export, run_export
+from drake_polygrasp.cli.hand import add_hand_check, run_hand_check
 from drake_polygrasp.cli.plan import add_plan, run_plan
 from drake_polygrasp.cli.reporting import BAD_INPUT, INTERRUPTED, print_error, print_result
 from drake_polygrasp.cli.show import add_show, run_show
@@ -73,6 +74,7 @@ def make_parser() -> argparse.ArgumentParser:
     add_explain(commands)
     add_show(commands)
     add_export(commands)
+    add_hand_check(commands)
     add_batch(commands)
     add_batch_results(commands)
     return parser
@@ -106,6 +108,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], tuple[int, str]]] = {
     "explain": run_explain,
     "show": run_show,
     "export": run_export,
+    "hand check": run_hand_check,
     "batch": run_batch,
     "batch status": run_batch_status,
     "batch export": run_batch_export,

@@ -9,6 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.cli.calls import child_limits, load_model, planning_options
 from drake_polygrasp.cli.child_process import call_in_child
+from drake_polygrasp.cli.hand_plan import (
+    HAND_TOP,
+    add_hand_options,
+    check_hand_options,
+    run_hand_plan,
+)
 from drake_polygrasp.cli.options import add_command, add_common_options, add_object_options
 from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, print_error
 from drake_polygrasp.cli.values import read_count
@@ -20,6 +26,8 @@ if TYPE_CHECKING:
     from drake_polygrasp.pipeline.plan import GraspPlan
 
 
+DEFAULT_TOP = 10
+"""Grasps that are written by default. Our choice."""
 _MAX_PLANT_CHECKS = 2
 """Grasps that `plan --plant` checks at most, per grasp wanted. Our choice."""
 
@@ -35,6 +43,8 @@ def add_plan(commands: Any) -> None:
     )
     add_object_options(parser)
     add_choice_options(parser)
+    parser.set_defaults(top=None)
+    add_hand_options(parser)
     parser.add_argument(
         "--gap",
         metavar="NODES",
@@ -64,8 +74,9 @@ def add_choice_options(parser: argparse.ArgumentParser) -> None:
         "--top",
         metavar="K",
         type=read_count,
-        default=10,
-        help="greatest number of grasps to write, one per set of faces (default: 10)",
+        default=DEFAULT_TOP,
+        help="greatest number of grasps to write, one per set of faces (default: 10; 3 with "
+        "--hand)",
     )
     parser.add_argument(
         "--rank",
@@ -100,13 +111,19 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
 
     Raises:
         ModelError: when the model cannot be loaded.
+        HandError: when the hand cannot be used.
         GraspFileError: when the grasp file cannot be written.
         UsageError: when an option does not fit the object or another option.
     """
     output = arguments.output or _default_output(arguments.model)
     if output.exists() and Path(arguments.model).exists() and output.samefile(arguments.model):
         raise UsageError(f"{output}: is the model, not a file to write to; name another with -o")
+    check_hand_options(arguments)
+    if arguments.top is None:
+        arguments.top = DEFAULT_TOP if arguments.hand is None else HAND_TOP
     object_, load_seconds = load_model(arguments)
+    if arguments.hand is not None:
+        return run_hand_plan(arguments, object_, output, load_seconds)
 
     from drake_polygrasp.cli.plan_table import (
         gap_document,

@@ -12,6 +12,8 @@ from drake_polygrasp.loading.model_checks import MAX_FRICTION, MAX_SCALE
 _MAX_SECONDS = 7 * 86_400.0
 """Greatest time for an object [s]. Our choice: beyond a week, it is a typing error."""
 _UNITS = {"MB": 10**6, "MiB": 2**20, "GB": 10**9, "GiB": 2**30}
+_MAX_MASS = 10_000.0
+"""Greatest mass accepted [kg]. Our choice, likewise."""
 _MAX_LENGTH = 1000.0
 """Greatest clearance or radius accepted [m]. Our choice: beyond it, a value is a typing error."""
 
@@ -131,6 +133,35 @@ def read_count(text: str) -> int:
     """
     if not text.isascii() or not text.isdigit() or int(text) == 0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")
+    return int(text)
+
+
+def read_mass(text: str) -> float:
+    """Returns a mass above 0, at most 10,000 kg.
+
+    Args:
+        text: the option's value [kg].
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
+    mass = _read_number(text, _MAX_MASS)
+    if mass == 0:
+        raise argparse.ArgumentTypeError("what weighs nothing needs no torques; give more than 0")
+    return mass
+
+
+def read_seed(text: str) -> int:
+    """Returns a whole number, 0 or more.
+
+    Args:
+        text: the option's value.
+
+    Raises:
+        ArgumentTypeError: when it is no such number.
+    """
+    if not text.isascii() or not text.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number, 0 or more")
     return int(text)
 
 

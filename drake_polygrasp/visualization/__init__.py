@@ -3,6 +3,7 @@
 | file | what it draws |
 |---|---|
 | scene.py | an object and its grasps in a Meshcat |
+| hand.py | a hand in postures in a Meshcat |
 | page.py | a Meshcat as one web page that needs no server, with a panel of grasps |
 | figures.py | the planes on which the paper plans for one set of faces (needs matplotlib) |
 | explanation.py | why a set of faces has a grasp or none (needs matplotlib) |
@@ -24,6 +25,7 @@ from drake_polygrasp import lazy_names
 if TYPE_CHECKING:
     from drake_polygrasp.visualization.explanation import draw_explanation
     from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
+    from drake_polygrasp.visualization.hand import draw_hand, draw_hand_postures
     from drake_polygrasp.visualization.page import save_html
     from drake_polygrasp.visualization.palette import CONTACTS, rgb
     from drake_polygrasp.visualization.scene import (
@@ -40,6 +42,8 @@ __all__ = [
     "draw_explanation",
     "draw_grasp",
     "draw_grasps",
+    "draw_hand",
+    "draw_hand_postures",
     "draw_object",
     "draw_reasons",
     "draw_sketch",
@@ -55,6 +59,7 @@ __getattr__, __dir__ = lazy_names(
     {
         "explanation": ("draw_explanation",),
         "figures": ("draw_reasons", "draw_trace"),
+        "hand": ("draw_hand", "draw_hand_postures"),
         "page": ("save_html",),
         "palette": ("CONTACTS", "rgb"),
         "scene": ("draw_grasp", "draw_grasps", "draw_object", "look_at", "show_rank"),

@@ -15,6 +15,8 @@ from drake_polygrasp.visualization.scene import PATH
 _BODY = Rgba(0.75, 0.77, 0.8, 1.0)
 _ARROW = 3.0
 """Length of the arrow along a tip's axis, over the tip's radius. Our choice."""
+_LARGER = 1.01
+"""Radius of drawn tips over the tip's: equal spheres flicker. Our choice."""
 _APART = 1.2
 """Distance between two postures side by side, over the hand's width. Our choice."""
 
@@ -50,14 +52,14 @@ def draw_hand(
     p_PT, axis_P = hand.tip_points(q)
     X_BP = X_BPalm or RigidTransform()
     for i, tip in enumerate(hand.tips):
-        name, colour = f"{path}/tips/{tip.name}", rgb(CONTACTS[i % len(CONTACTS)])
-        meshcat.SetObject(f"{name}/sphere", Sphere(1.01 * tip.radius), Rgba(*colour, 0.6))
+        name, colour = f"{path}/tips/{tip.name}", CONTACTS[i % len(CONTACTS)]
+        meshcat.SetObject(f"{name}/sphere", Sphere(_LARGER * tip.radius), Rgba(*rgb(colour), 0.6))
         meshcat.SetTransform(f"{name}/sphere", RigidTransform(X_BP @ p_PT[i]))
-        length = _ARROW * tip.radius * (X_BP.rotation() @ axis_P[i])
-        draw_arrow(meshcat, f"{name}/axis", X_BP @ p_PT[i], length, colour)
+        axis_B = _ARROW * tip.radius * (X_BP.rotation() @ axis_P[i])
+        draw_arrow(meshcat, f"{name}/axis", X_BP @ p_PT[i], axis_B, 0.1 * tip.radius, colour)
 
 
-def draw_postures(meshcat: Meshcat, hand: Hand, q: Array, *, path: str = PATH) -> None:
+def draw_hand_postures(meshcat: Meshcat, hand: Hand, q: Array, *, path: str = PATH) -> None:
     """Draws a hand in several postures side by side.
 
     Args:
