@@ -104,7 +104,8 @@ def check_hand(hand: Hand, *, num: int = NUM_DRAWS, seed: int = 0) -> HandReport
         span = low, high
     ranks = _tip_ranks(hand, draws.q[:_NUM_RANKS])
     pairs = sorted(draws.pairs.items(), key=lambda item: (-item[1], item[0]))
-    often = {pair: count / num for pair, count in pairs if count > _ALWAYS * num}
+    tested = max(1, int(draws.within.sum()))
+    often = {pair: count / tested for pair, count in pairs if count > _ALWAYS * tested}
     inspector = hand.query(draws.q[0]).inspector()
     report = HandReport(
         name=hand.name,
@@ -158,7 +159,7 @@ def _tip_ranks(hand: Hand, q: Array) -> list[int]:
 def _errors(draws: Draws) -> Iterator[str]:
     if not draws.free.any():
         common = ", ".join(
-            f"'{a}' and '{b}' ({100 * count / len(draws.q):.0f} percent)"
+            f"'{a}' and '{b}' ({100 * count / draws.within.sum():.0f} percent)"
             for (a, b), count in draws.pairs.most_common(3)
         )
         reason = f"most often {common}" if common else "coupled joints leave their limits"

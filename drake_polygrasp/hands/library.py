@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.geometry import GeometryId, SceneGraphInspector
 
 from drake_polygrasp.arguments import check_count, check_instance, check_seed, refuse
-from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.arrays import Array, Bools, frozen
 from drake_polygrasp.hands.hand import Hand
 from drake_polygrasp.hands.in_plant import short_name
 from drake_polygrasp.search.reach import Reach
@@ -32,12 +32,14 @@ class Draws(NamedTuple):
 
     Attributes:
         q: postures within limits, shape (N, n).
-        free: whether each is without self-collision, shape (N,).
-        pairs: how often each pair of bodies collides, by their names.
+        within: whether coupled joints keep their limits in each, shape (N,).
+        free: whether each of these is without self-collision, shape (N,).
+        pairs: how often each pair of bodies collides in these, by their names.
     """
 
     q: Array
-    free: Array
+    within: Bools
+    free: Bools
     pairs: Counter[tuple[str, str]]
 
 
@@ -113,7 +115,7 @@ def draw_postures(hand: Hand, num: int, seed: int) -> Draws:
         overlaps = query.ComputePointPairPenetration()
         free[i] = not overlaps
         pairs.update({_bodies(inspector, overlap.id_A, overlap.id_B) for overlap in overlaps})
-    return Draws(q, free, pairs)
+    return Draws(q, within, free, pairs)
 
 
 def _bodies(
