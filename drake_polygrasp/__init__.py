@@ -70,11 +70,12 @@ if TYPE_CHECKING:
     from drake_polygrasp.pipeline.region_certificates import certify_region
     from drake_polygrasp.plant.certify_in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.plant.grasp_forces import GraspForces
-    from drake_polygrasp.settings import PlanSettings
+    from drake_polygrasp.settings import NO_ERRORS, PlanSettings
     from drake_polygrasp.verification.report import VerificationReport
     from drake_polygrasp.verification.verify import verify_file
 
 __all__ = [
+    "NO_ERRORS",
     "BatchError",
     "BatchReport",
     "BatchRow",
@@ -161,7 +162,7 @@ _HOMES = {
     "pipeline.region_certificates": ("certify_region",),
     "plant.certify_in_plant": ("PlantReport", "certify_in_plant"),
     "plant.grasp_forces": ("GraspForces",),
-    "settings": ("PlanSettings",),
+    "settings": ("NO_ERRORS", "PlanSettings"),
     "verification.report": ("VerificationReport",),
     "verification.verify": ("verify_file",),
 }

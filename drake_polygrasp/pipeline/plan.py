@@ -111,7 +111,7 @@ def plan_grasps(
     that may bear them, narrow faces follow, on which contacts keep half of the inradius from edges,
     and then grasps that are planned without errors. A grasp that is not proved to bear the default
     errors is tried for half and a quarter. `region` is None where none are proved, and everywhere
-    if all four errors are 0 (`settings.NO_ERRORS`), which ranks by the epsilon of exact contacts.
+    if all four errors are 0 (`**NO_ERRORS`), which ranks by the epsilon of exact contacts.
 
     Args:
         object_: object to grasp, with the friction of its faces.
