@@ -81,7 +81,7 @@ def frozen(values: npt.ArrayLike, dtype: Any = np.float64) -> npt.NDArray[Any]:
     return array
 
 
-def distinct_values(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def distinct_values(values: npt.NDArray[Any], axis: int | None = None) -> npt.NDArray[Any]:
     """Returns the distinct values of an array, ascending.
 
     `np.unique` does the same, but first imports `numpy.ma`, which takes longer than all calls of it
@@ -89,11 +89,12 @@ def distinct_values(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
     Args:
         values: any shape.
+        axis: the axis along which equal rows count once; None for single values.
 
     Returns:
-        One-dimensional.
+        One-dimensional, or with fewer rows along `axis`.
     """
-    return np.unique(values, return_index=True)[0]
+    return np.unique(values, return_index=True, axis=axis)[0]
 
 
 def gather(offsets: Ints, rows: Ints) -> tuple[Ints, Ints]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
-from drake_polygrasp.arrays import Array, Batch, Ints, join_rows
+from drake_polygrasp.arrays import Array, Batch, Ints, distinct_values, join_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,3 +43,9 @@ def test_joined_rows_follow_each_other() -> None:
     assert isinstance(joined, Owned)
     assert joined.owner.tolist() == [1, 2, 3]
     assert joined.points.p.tolist() == owned(1, 2, 3).points.p.tolist()
+
+
+@pytest.mark.parametrize("axis", [None, 0, 1])
+def test_distinct_values_are_numpy_s(axis: int | None) -> None:
+    values = np.array([[2, 1, 2], [0, 1, 0], [2, 1, 2]])
+    np.testing.assert_array_equal(distinct_values(values, axis), np.unique(values, axis=axis))

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, batches, distinct_values
+from drake_polygrasp.geometry.polygons import polygon_corners
 from drake_polygrasp.vectors import circle
 
 _SEARCH = 1e-2
@@ -131,7 +132,7 @@ def _starts(polygons: npt.NDArray[np.object_], convex: Bools) -> tuple[Array, In
 
 def _sides(polygons: npt.NDArray[np.object_]) -> tuple[Array, Array, Bools]:
     """Returns start and end of each polygon's sides, shape (n, m, 2), and which are not padding."""
-    _, xy, (ring_offsets, polygon_offsets) = shapely.to_ragged_array(polygons)
+    xy, ring_offsets, polygon_offsets = polygon_corners(polygons)
     last = np.zeros(len(xy), dtype=bool)
     last[ring_offsets[1:] - 1] = True
     owner = np.repeat(np.arange(len(polygons)), np.diff(ring_offsets[polygon_offsets]))

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
 
 Polygons = npt.NDArray[np.object_]
@@ -119,3 +119,21 @@ def _corners(ring: shapely.LinearRing, L: float) -> shapely.LinearRing:
     start = np.argmax(np.round(from_middle / (LENGTH_TOLERANCE * L)))
     vertices = np.roll(vertices, -start, axis=0)
     return shapely.simplify(shapely.LinearRing(vertices), FLATNESS * L)
+
+
+def polygon_corners(polygons: Polygons) -> tuple[Array, Ints, Ints]:
+    """Returns the corners of polygons, ring by ring, each ring closed by its first corner.
+
+    `shapely.to_ragged_array` does the same, but imports `numpy.ma` first, which takes longer.
+
+    Args:
+        polygons: shape (n,), none empty.
+
+    Returns:
+        Corners, shape (V, 2); where the corners of each ring begin and the last end, shape
+        (R + 1,); and where the rings of each polygon begin and the last end, shape (n + 1,).
+    """
+    rings, owner = shapely.get_rings(polygons, return_index=True)
+    xy, ring = shapely.get_coordinates(rings, return_index=True)
+    ring_offsets = np.searchsorted(ring, np.arange(len(rings) + 1))
+    return xy, ring_offsets, np.searchsorted(owner, np.arange(len(polygons) + 1))

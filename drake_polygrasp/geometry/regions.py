@@ -13,7 +13,7 @@ import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, distinct_values, frozen
 from drake_polygrasp.geometry.inradius import inradius, rough_inradius
-from drake_polygrasp.geometry.polygons import shrunk
+from drake_polygrasp.geometry.polygons import polygon_corners, shrunk
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.tolerances import LENGTH_TOLERANCE
 
@@ -167,7 +167,7 @@ def _regions(polyhedron: Polyhedron, polygons: npt.NDArray[np.object_], face: In
     R_BF, p_BF, mu = polyhedron.R_BF[face], polyhedron.p_BF[face], polyhedron.mu[face]
     xy, ring_offsets, region_offsets = np.empty((0, 2)), np.zeros(1, int), np.zeros(1, int)
     if len(polygons):
-        _, xy, (ring_offsets, region_offsets) = shapely.to_ragged_array(polygons)
+        xy, ring_offsets, region_offsets = polygon_corners(polygons)
     vertex_region = np.repeat(np.arange(len(face)), np.diff(ring_offsets[region_offsets]))
     p_BV = p_BF[vertex_region] + np.einsum("vij,vj->vi", R_BF[vertex_region][:, :, :2], xy)
     return Regions(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_polygrasp.arrays import Ints
+from drake_polygrasp.arrays import Ints, distinct_values
 from drake_polygrasp.geometry.face_sets import find_rows, sets_of, with_sets
 from drake_polygrasp.geometry.regions import Regions, regions_at
 from drake_polygrasp.grasp import GraspObject
@@ -104,7 +104,7 @@ def sets_held(judges: Sequence[Judge], regions: Regions) -> Ints:
         p_BC, face = judge.work.candidates.p_BC[rows], judge.work.face[rows]
         region = regions_at(regions, face.ravel(), p_BC.reshape(-1, 3)).reshape(-1, 3)
         sets.append(sets_of(region))
-    held: Ints = np.unique(np.concatenate(sets), axis=0)
+    held: Ints = distinct_values(np.concatenate(sets), axis=0)
     return held
 
 
