@@ -42,6 +42,9 @@ from drake_polygrasp.vectors import dot
 from drake_polygrasp.wrenches.contacts import contact_frames
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
+_SQUEEZE_GAP = 0.1
+"""Our choice: how far the squeeze force may be above the least that is known to be needed. Fingers
+squeeze harder than by a tenth more, and a closer bound takes as long as that of epsilon."""
 _RELATIVE_GAP = 0.02
 """Our choice: how far apart the bounds may stay, over the upper one."""
 _GROWTH = (0.2, 0.5, 0.7, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97, 0.985, 1.0)
@@ -140,7 +143,7 @@ def region_epsilon(
         friction_error: share by which friction coefficients may be less.
         com_error: how far the centre of mass may be off [m].
         mass: of the body [kg]; None where it is unknown.
-        relative_gap: how far apart the bounds may stay, over the upper one.
+        relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
 
     Returns:
         The bounds with their proof, rounded to the safe side.
@@ -228,6 +231,7 @@ def _attempt(
     proofs: list[FacetProof | None] = []
     is_open = False
     for norm in norms:
+        apart = max(task.relative_gap, _SQUEEZE_GAP if norm.forces_only else 0.0)
         facets, tried = SweptFacets(simplices, w, np.zeros(len(w))), [task.start]
         proof = None
         if is_around:
@@ -236,9 +240,7 @@ def _attempt(
             for share in shares:
                 generators.range_by(share)
                 facets = swept_facets(generators, facets.simplices, facets.twists, norm)
-                facets = raised(
-                    generators, facets, norm, ceiling.lowered, task.relative_gap, refinement
-                )
+                facets = raised(generators, facets, norm, ceiling.lowered, apart, refinement)
                 # What is lost in smaller regions is not found in larger ones.
                 if facets.values.min() <= 0.0:
                     break
