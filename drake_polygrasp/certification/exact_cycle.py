@@ -31,10 +31,15 @@ UNIT_TOLERANCE = Fraction(1, 10**9)
 """Our choice: how far n . n may be from 1."""
 _MARGIN = 1 + Fraction(1, 1 << 40)
 """Times this, a tangent in floating point is not less than the true one."""
+_GRAVITY = Fraction(981, 100)
+_DOUBLES = 1 - Fraction(1, 1 << 40)
+"""More than m g / e is off, relative, in floating point."""
 _BITS = 128
 """Binary places of square roots, rounded to the side on which less is claimed."""
 _RAYS, _RAY_RANGE = 8, 10**6
 """Our choice: rays that are tried until one passes clear of all rims, and how long they are."""
+_HYPERPLANES = 300
+"""Our choice: hyperplanes beside a ray, which spare most simplices the solution of equations."""
 
 
 class RefusedError(Exception):
@@ -52,7 +57,10 @@ def check_region_proof(proof: dict[str, Any]) -> None:
     """
     try:
         _check(proof)
-    except (KeyError, IndexError, TypeError, ValueError, OverflowError, ZeroDivisionError) as error:
+    except (
+        *(AttributeError, KeyError, IndexError, TypeError, ValueError),
+        *(OverflowError, RecursionError, ZeroDivisionError),
+    ) as error:
         raise RefusedError(f"the proof is not complete: {error!r}") from error
 
 
@@ -100,6 +108,23 @@ def _check(proof: dict[str, Any]) -> None:
         _check_heights(name, claim, numbers, places, (rho, scale, force_scale, com_error))
         wrenches = [_wrench(fs[0], places[i][0], lengths[-1][0]) for i, fs in numbers]
         _check_around(name, simplices, wrenches)
+    _check_stated(proof)
+
+
+def _check_stated(proof: dict[str, Any]) -> None:
+    """What a grasp file states follows from the bounds."""
+    states = proof.get("states", {})
+    if not isinstance(states, dict):
+        raise TypeError(f"{states!r} states nothing")
+    if "epsilon_lower" in states:
+        claim = proof.get("epsilon")
+        if claim is None or _number(claim["bound"]) < _number(states["epsilon_lower"]):
+            raise RefusedError("epsilon_lower is more than is proved")
+    if "squeeze_force" in states:
+        weight, claim = _number(states["mass"]) * _GRAVITY, proof.get("weight")
+        squeeze = _number(states["squeeze_force"])
+        if claim is None or squeeze * _number(claim["bound"]) < weight * _DOUBLES:
+            raise RefusedError("squeeze_force is less than is proved to hold the weight")
 
 
 def _serves(
@@ -146,12 +171,13 @@ def _check_heights(
     bound = _number(claim["bound"])
     if bound <= 0 or len(claim["twists"]) != len(claim["simplices"]):
         raise RefusedError(f"{name}: the bound is not positive, or twists are missing")
+    length = int(rho * length_scale)
+    unit = bound * length * force_scale
     for s, twist in zip(claim["simplices"], claim["twists"], strict=True):
         w = _vector(twist, 6)
-        (v, omega), twist_scale = _integers([w[:3], w[3:]])
-        reach = _reach(w, com_error / rho, forces_only=name == "weight")
-        least = math.ceil(bound * reach * rho * length_scale * force_scale * twist_scale)
-        linear = [int(rho * length_scale) * x for x in v]
+        (v, omega), _ = _integers([w[:3], w[3:]])
+        least = math.ceil(unit * _reach(v, omega, com_error / rho, forces_only=name == "weight"))
+        linear = [length * x for x in v]
         moved = {
             i: [
                 [[a + b for a, b in zip(linear, _cross(omega, p), strict=True)] for p in piece]
@@ -166,12 +192,11 @@ def _check_heights(
                     raise RefusedError(f"{name}: a generator is not beyond the bound")
 
 
-def _reach(w: list[Fraction], s: Fraction, *, forces_only: bool) -> Fraction:
+def _reach(v: list[int], omega: list[int], s: Fraction, *, forces_only: bool) -> Fraction:
     """An upper bound of N(w): the longest (v + omega x d, omega), |d| <= s, or v + omega x d."""
-    v, omega = w[:3], w[3:]
     turn = _cross(omega, v)
     spin = _dot(omega, omega)
-    square = _dot(v, v) + s * (2 * _root(_dot(turn, turn), up=True) + s * spin)
+    square = _dot(v, v) + s * (2 * _root(Fraction(_dot(turn, turn)), up=True) + s * spin)
     return _root(square if forces_only else square + spin, up=True)
 
 
@@ -184,13 +209,40 @@ def _wrench(f: list[int], corners: list[list[int]], rho: int) -> list[int]:
 def _check_around(name: str, simplices: list[tuple[int, ...]], wrenches: list[list[int]]) -> None:
     draw = random.Random(0)
     for _ in range(_RAYS):
-        ray = [draw.randint(-_RAY_RANGE, _RAY_RANGE) for _ in range(6)]
-        met = [_meets(ray, [wrenches[k] for k in s]) for s in simplices]
+        ray = _drawn(draw)
+        beside = _hyperplanes_beside(ray, wrenches, draw)
+        met = [
+            # Where all six points are beyond one hyperplane, the ray is not.
+            not beside[a] & beside[b] & beside[c] & beside[d] & beside[e] & beside[f]
+            and _meets(ray, [wrenches[k] for k in (a, b, c, d, e, f)])
+            for a, b, c, d, e, f in simplices
+        ]
         if None not in met:
             if sum(map(bool, met)) % 2:
                 return
             raise RefusedError(f"{name}: the surface is not around the origin")
     raise RefusedError(f"{name}: every ray meets a rim of the surface")
+
+
+def _drawn(draw: random.Random) -> list[int]:
+    return [draw.randint(-_RAY_RANGE, _RAY_RANGE) for _ in range(6)]
+
+
+def _hyperplanes_beside(
+    ray: list[int], wrenches: list[list[int]], draw: random.Random
+) -> list[int]:
+    """For each wrench, as bits, of which hyperplanes beside a ray it is not on the ray's side."""
+    beside = [0] * len(wrenches)
+    square = sum(x * x for x in ray)
+    for bit in range(_HYPERPLANES):
+        # The normal z has z.ray = -ray.ray: the hyperplane through the origin nearly holds the ray.
+        any_ = _drawn(draw)
+        along = sum(a * b for a, b in zip(any_, ray, strict=True))
+        z = [square * a - (along + 1) * b for a, b in zip(any_, ray, strict=True)]
+        for k, wrench in enumerate(wrenches):
+            if sum(a * b for a, b in zip(z, wrench, strict=True)) >= 0:
+                beside[k] |= 1 << bit
+    return beside
 
 
 def _meets(ray: list[int], points: list[list[int]]) -> bool | None:
@@ -289,16 +341,25 @@ def main(arguments: Sequence[str]) -> int:
         print(f"usage: exact_cycle.py PROOF.json; no proofs of regions in it: {error!r}")
         return 2
     code = 0 if enumerated else 1
-    for rank, proof in enumerated:
+    for number, proof in enumerated:
         try:
             check_region_proof(proof)
         except RefusedError as refused:
-            print(f"grasp {rank}: does not hold: {refused}")
+            print(f"{_name(proof, number)}: does not hold: {refused}")
             code = 1
             continue
         claims = [f"{k} {proof[k]['bound']:.6g}" for k in ("epsilon", "weight") if proof.get(k)]
-        print(f"grasp {rank}: holds: {', '.join(claims)}")
+        print(f"{_name(proof, number)}: holds: {', '.join(claims)}")
     return code
+
+
+def _name(proof: Any, number: int) -> str:
+    """Which grasp a proof is of: its rank and faces, or else the proof's number."""
+    try:
+        faces = ", ".join(str(int(face)) for face in proof["states"]["faces"])
+        return f"grasp {int(proof['states']['rank'])} on faces {faces}"
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return f"grasp {number}"
 
 
 if __name__ == "__main__":

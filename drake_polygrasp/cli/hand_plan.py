@@ -23,6 +23,7 @@ HAND_TOP = 3
 _OWN = {"up": "--up", "mass": "--mass", "budget": "--budget", "seed": "--seed"}
 """Options that need a hand, by their names in the arguments."""
 _OTHERS = {
+    "region_proof": "--region-proof",
     "gap": "--gap",
     "plant": "--plant",
     "tip_radius": "--tip-radius",

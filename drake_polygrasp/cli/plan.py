@@ -61,6 +61,13 @@ def add_plan(commands: Any) -> None:
         type=Path,
         help="grasp file to write (default: MODEL's name with .grasp.yaml in the current folder)",
     )
+    parser.add_argument(
+        "--region-proof",
+        metavar="FILE",
+        type=Path,
+        help="also write the proofs of what each grasp withstands under errors, as JSON that "
+        "`python -m drake_polygrasp.certification.exact_cycle FILE` checks in exact arithmetic",
+    )
     add_common_options(parser)
 
 
@@ -121,6 +128,7 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
     check_hand_options(arguments)
     if arguments.top is None:
         arguments.top = DEFAULT_TOP if arguments.hand is None else HAND_TOP
+    _check_proof_file(arguments.region_proof, output, Path(arguments.model))
     object_, load_seconds = load_model(arguments)
     if arguments.hand is not None:
         return run_hand_plan(arguments, object_, output, load_seconds)
@@ -152,6 +160,7 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
     if plan.grasps:
         # The file says that friction is the user's, or `verify` would compare it with the model's.
         settings = replace(plan.settings, mu=arguments.mu)
+        proofs = _region_proofs(arguments, object_, plan)
         save_grasps(output, object_, plan.grasps, settings)
     else:
         print_error(no_grasp_message(arguments.model, object_, plan, output), FAILED)
@@ -159,8 +168,13 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
     code = DONE if plan.grasps else FAILED
     if arguments.plant and plan.grasps and not any(map(holds_in_plant, plan.grasps)):
         code = print_error(f"{output}: none of the grasps holds in the plant", FAILED)
+    proof_lines = []
+    if plan.grasps and arguments.region_proof:
+        proof_lines = _save_proofs(arguments.region_proof, proofs, len(plan.grasps))
+        code = code if proof_lines else FAILED
     if not arguments.json:
         table = [plan_table(arguments.model, object_, plan, output)] if plan.grasps else []
+        table += proof_lines
         return code, "\n".join(table + (gap_lines(gap) if gap else []))
     return code, as_json(
         {
@@ -175,6 +189,7 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
             "output": str(output) if plan.grasps else None,
             "grasps": [grasp_document(grasp) for grasp in plan.grasps],
             **({"gap": gap_document(gap)} if gap else {}),
+            **({"region_proof": str(arguments.region_proof)} if proof_lines else {}),
         }
     )
 
@@ -207,6 +222,43 @@ def _gap(arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan) -
         **({"nodes": arguments.gap} if arguments.gap else {}),
     )
     return gap
+
+
+def _check_proof_file(path: Path | None, output: Path, model: Path) -> None:
+    """Raises UsageError where the proof file would replace the model or the grasp file."""
+    for other, kind in ((model, "the model"), (output, "the grasp file")):
+        is_same = path and (
+            path.samefile(other) if path.exists() and other.exists() else path == other
+        )
+        if is_same:
+            raise UsageError(f"{path}: is {kind}; name another file with --region-proof")
+
+
+def _region_proofs(
+    arguments: argparse.Namespace, object_: GraspObject, plan: GraspPlan
+) -> list[dict[str, Any]]:
+    """Returns the proofs of the grasps' bounds under errors; none unless they are asked for."""
+    if arguments.region_proof is None:
+        return []
+    proofs: list[dict[str, Any]]
+    proofs, _ = call_in_child(
+        "drake_polygrasp.pipeline.region_proofs:region_proofs",
+        object_,
+        plan.grasps,
+        limits=child_limits(arguments, f"proving what grasps of {arguments.model} withstand"),
+    )
+    return proofs
+
+
+def _save_proofs(path: Path, proofs: list[dict[str, Any]], num_grasps: int) -> list[str]:
+    """Writes the proof file; returns a line that says so, and prints why where there is none."""
+    if not proofs:
+        print_error(f"{path}: not written: nothing is proved of any grasp under errors", FAILED)
+        return []
+    from drake_polygrasp.files.region_proof_file import save_region_proofs
+
+    save_region_proofs(path, proofs)
+    return [f"wrote {path}: proofs of {len(proofs)} of {num_grasps} grasps under errors"]
 
 
 def _default_output(model: str) -> Path:

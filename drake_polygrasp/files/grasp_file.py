@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, get_args
@@ -38,6 +37,7 @@ from drake_polygrasp.files.stated_grasp import (
     StatedGrasp,
     StatedPlan,
 )
+from drake_polygrasp.files.whole_file import write_whole
 from drake_polygrasp.grasp import (
     CertifiedGrasp,
     Grasp,
@@ -80,7 +80,7 @@ def save_grasps(
             several hands, or `path` cannot be written.
     """
     path = Path(check_path("path", path))
-    _write_whole(path, grasp_file_text(path.parent, object_, grasps, plan_settings, path))
+    write_whole(path, grasp_file_text(path.parent, object_, grasps, plan_settings, path))
 
 
 def grasp_file_text(
@@ -138,7 +138,7 @@ def write_document(path: Path, document: Mapping[str, Any]) -> None:
         document: its keys and values, in order; GraspFileError for a number that is not finite, or
             when `path` cannot be written.
     """
-    _write_whole(path, _document_text(document))
+    write_whole(path, _document_text(document))
 
 
 def _document_text(document: Mapping[str, Any]) -> str:
@@ -269,20 +269,6 @@ def _plain(value: Any) -> Any:
     if value is not None and not isinstance(value, str | bool | int | float):
         raise GraspFileError(f"a grasp file holds numbers, text, lists and mappings, not {value!r}")
     return value
-
-
-def _write_whole(path: Path, text: str) -> None:
-    """Writes a file beside the old one and then replaces that, so that it is never half written."""
-    if path.exists() and not path.is_file():
-        raise GraspFileError(f"{path}: cannot be written: it is not a regular file")
-    scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        scratch.write_text(text, encoding="utf-8")
-        scratch.replace(path)
-    except OSError as error:
-        raise GraspFileError(f"{path}: cannot be written: {error.strerror}") from error
-    finally:
-        scratch.unlink(missing_ok=True)
 
 
 def _read_grasp(block: Block, tip_radius: float | None, hand: HandSource | None) -> StatedGrasp:

@@ -11,6 +11,7 @@
 | longer_search.py | adds candidates if fewer grasps are found than asked for |
 | freed_memory.py | keeps memory that planning frees and needs again |
 | region_certificates.py | certifies the errors that a grasp bears |
+| region_proofs.py | states the proofs of bounds under errors |
 | fallback.py | plans with less of the default errors, where too few grasps may bear them |
 | ranking.py | puts proved candidates in order and certifies the best |
 | plan.py | `plan_grasps` |

@@ -1,0 +1,47 @@
+"""States the proofs of what grasps withstand under errors, for a reader to check."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from drake_polygrasp.certification.region_epsilon import region_epsilon
+from drake_polygrasp.certification.region_proof import stated_proof
+from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+
+
+def region_proofs(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> list[dict[str, Any]]:
+    """Returns proofs of the bounds of epsilon and squeeze that grasps' regions state.
+
+    The surfaces that prove them are found anew, for a plan does not keep them.
+
+    Args:
+        object_: object that is grasped.
+        grasps: grasps of it, best first, as planned for it.
+
+    Returns:
+        For each grasp with a bound above 0 all that `exact_cycle` asks, with the grasp's rank
+        from 1, its faces and the bounds that are proved.
+    """
+    proofs = []
+    for rank, certified in enumerate(grasps, start=1):
+        region = certified.region
+        if region is None or not region.epsilon_lower:
+            continue
+        tilt, friction, com = region.tilt_error, region.friction_error, region.com_error
+        contacts = region.pieces, certified.grasp.mu, object_.p_BBcm, object_.rho
+        found = region_epsilon(
+            *contacts, tilt_error=tilt, friction_error=friction, com_error=com, mass=object_.mass
+        )
+        proof = stated_proof(
+            found.proof, *contacts, tilt_error=tilt, friction_error=friction, com_error=com
+        )
+        states: dict[str, Any] = {
+            "rank": rank,
+            "faces": list(certified.grasp.faces),
+            "epsilon_lower": region.epsilon_lower,
+        }
+        if region.squeeze_force is not None:
+            states |= {"mass": object_.mass, "squeeze_force": region.squeeze_force}
+        proofs.append({"states": states, **proof})
+    return proofs
