@@ -107,7 +107,7 @@ def draw_postures(hand: Hand, num: int, seed: int) -> Draws:
     margin = np.minimum(hand.description.limit_margin, 0.25 * (upper - lower))
     z = rng.uniform(lower + margin, upper - margin, (num, len(chosen)))
     q = times(z, hand.E.T) + hand.e0
-    within: Bools = ((q >= hand.lower) & (q <= hand.upper)).all(axis=1)
+    within: Bools = np.logical_and.reduce((q >= hand.lower) & (q <= hand.upper), axis=1)
     free, pairs = np.zeros(num, dtype=bool), Counter[tuple[str, str]]()
     for i in np.flatnonzero(within):
         query = hand.query(q[i])
