@@ -224,8 +224,8 @@ def _print(row: Row, hand: Hand, scene: str, scale: float, mass: float) -> None:
     print(f"  grasped: {row.made} of {row.asked} objects ({row.planner} by the planner's ten best)")
     print(f"  first candidate succeeds: {row.first} of {row.made}")
     print(
-        f"  seconds without the library: median {np.median(seconds):.2f}, 95 percent {np.quantile(seconds, 0.95):.2f}, "
-        f"most {seconds.max():.2f}"
+        f"  seconds, library apart: median {np.median(seconds):.2f}, 95 percent "
+        f"{np.quantile(seconds, 0.95):.2f}, most {seconds.max():.2f}"
     )
     print(f"  proved again: {row.proved} of {row.returned}")
     for name, value in row.worst.items():
