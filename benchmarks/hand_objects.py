@@ -19,6 +19,9 @@ from drake_polygrasp.arrays import Array
 LEAST, MOST = 0.025, 0.13
 """Sides of an object of hand scale [m]: on a table, tips of 10 mm need 12 mm above it."""
 MU = 0.5
+_CANS = ((15, 90), (25, 60), (33, 115), (40, 30), (20, 40))
+_CAPSULES = ((14, 60), (20, 40), (30, 50))
+"""Radius and length [mm]."""
 _LENGTHS = {"size", "radius", "length", "radii"}
 _NO_SCALE = "1 1 1"
 
@@ -55,24 +58,23 @@ def _generated() -> list[_Body]:
         _Body(f"box_{a}_{b}_{c}", (("0 0 0 0 0 0", _box(a / 100, b / 100, c / 100)),))
         for a, b, c in sizes
     ]
-    for radius, length in ((15, 90), (25, 60), (33, 115), (40, 30), (20, 40)):
-        shape = _round("cylinder", radius / 1000, length / 1000)
-        bodies.append(_Body(f"can_{radius}_{length}", (("0 0 0 0 0 0", shape),)))
+    rounds = [("can", "cylinder", *size) for size in _CANS]
+    rounds += [("capsule", "capsule", *size) for size in _CAPSULES]
+    for name, kind, radius, length in rounds:
+        shape = _round(kind, radius / 1000, length / 1000)
+        bodies.append(_Body(f"{name}_{radius}_{length}", (("0 0 0 0 0 0", shape),)))
     for radius in (15, 25, 40):
         shape = f"<sphere><radius>{radius / 1000}</radius></sphere>"
         bodies.append(_Body(f"ball_{radius}", (("0 0 0 0 0 0", shape),)))
-    for radius, length in ((14, 60), (20, 40), (30, 50)):
-        shape = _round("capsule", radius / 1000, length / 1000)
-        bodies.append(_Body(f"capsule_{radius}_{length}", (("0 0 0 0 0 0", shape),)))
-    for radius, height in ((0.032, 0.08), (0.04, 0.1)):
-        far, rise = radius + 0.025, 0.6 * height
+    for inner, height in ((0.032, 0.08), (0.04, 0.1)):
+        far, rise = inner + 0.025, 0.6 * height
         handle = (
             (f"{far} 0 0 0 0 0", _box(0.01, 0.012, rise)),
-            (f"{radius + 0.01} 0 {rise / 2 - 0.005} 0 0 0", _box(0.04, 0.012, 0.01)),
-            (f"{radius + 0.01} 0 {0.005 - rise / 2} 0 0 0", _box(0.04, 0.012, 0.01)),
+            (f"{inner + 0.01} 0 {rise / 2 - 0.005} 0 0 0", _box(0.04, 0.012, 0.01)),
+            (f"{inner + 0.01} 0 {0.005 - rise / 2} 0 0 0", _box(0.04, 0.012, 0.01)),
         )
-        cup = ("0 0 0 0 0 0", _round("cylinder", radius, height))
-        bodies.append(_Body(f"mug_{1000 * radius:.0f}", (cup, *handle)))
+        cup = ("0 0 0 0 0 0", _round("cylinder", inner, height))
+        bodies.append(_Body(f"mug_{1000 * inner:.0f}", (cup, *handle)))
     head = ("0.055 0 0 0 0 0", _box(0.03, 0.08, 0.03))
     bodies.append(_Body("hammer", (("0 0 0 0 1.5708 0", _round("cylinder", 0.0135, 0.1)), head)))
     return bodies

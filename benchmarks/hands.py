@@ -178,9 +178,9 @@ def _judge(
     for found in plan.grasps:
         row.returned += 1
         grasp = found.certified.grasp
-        lists = (values.tolist() for values in (grasp.p_BC, grasp.nhat_TB_B, grasp.mu))
+        points, normals, mu = (v.tolist() for v in (grasp.p_BC, grasp.nhat_TB_B, grasp.mu))
         witness = found.certified.certificate.internal_force.tolist()
-        row.proved += check_force_closure(*lists, witness).ok
+        row.proved += check_force_closure(points, normals, mu, witness).ok
         stated = {
             "tip error mm": 1e3 * found.tip_error,
             "tip angle deg": float(np.degrees(found.tip_angle)),
