@@ -70,6 +70,8 @@ if TYPE_CHECKING:
     from drake_polygrasp.pipeline.region_certificates import certify_region
     from drake_polygrasp.plant.certify_in_plant import PlantReport, certify_in_plant
     from drake_polygrasp.plant.grasp_forces import GraspForces
+    from drake_polygrasp.plant.hand_control import HandController
+    from drake_polygrasp.plant.hand_lift import LiftOutcome, lift_with_hand
     from drake_polygrasp.settings import NO_ERRORS, PlanSettings
     from drake_polygrasp.verification.report import VerificationReport
     from drake_polygrasp.verification.verify import verify_file
@@ -90,10 +92,12 @@ __all__ = [
     "GraspObject",
     "GraspPlan",
     "Hand",
+    "HandController",
     "HandError",
     "HandGrasp",
     "HandPlan",
     "HandReport",
+    "LiftOutcome",
     "ModelError",
     "Obstacles",
     "OptimalityGap",
@@ -115,6 +119,7 @@ __all__ = [
     "explain_sets",
     "export_directives",
     "iter_batch",
+    "lift_with_hand",
     "load_grasps",
     "load_hand",
     "load_object",
@@ -162,6 +167,8 @@ _HOMES = {
     "pipeline.region_certificates": ("certify_region",),
     "plant.certify_in_plant": ("PlantReport", "certify_in_plant"),
     "plant.grasp_forces": ("GraspForces",),
+    "plant.hand_control": ("HandController",),
+    "plant.hand_lift": ("LiftOutcome", "lift_with_hand"),
     "settings": ("NO_ERRORS", "PlanSettings"),
     "verification.report": ("VerificationReport",),
     "verification.verify": ("verify_file",),

@@ -233,8 +233,8 @@ class PlantVerdict:
         name: "exact", the internal force of the certificate in exact arithmetic; "convex", the
             best internal force that a solver finds; "geometry", contacts and fingertips by
             SceneGraph's signed distance; "statics", the weight along each axis of B; "simulation",
-            the same and disturbances through time; or "misses", simulations with errors that are
-            drawn within those of the region certificate.
+            the same and disturbances through time; "misses", simulations with errors that are drawn
+            within those of the region certificate; or "hand", a lift with the whole hand.
         verdict: UNDECIDED if the check could not be run.
         margin: distance from failing, negative if the check fails; None if it was not run.
         unit: unit of the margin: "1", "m" or "N".
@@ -273,7 +273,8 @@ class PlantRecord:
 
     Attributes:
         verdicts: one for each check, in the order exact, convex, geometry, statics, simulation,
-            misses; the last only if it was asked for and the grasp has a region certificate.
+            misses, hand; misses only if they were asked for and the grasp has a region certificate,
+            hand only if the file says how a hand holds it.
         settings: parameters of the checks by name, in SI units.
         equilibria: how the weight along +x, +y, +z, -x, -y, -z of B is held; empty if it was not
             computed.

@@ -36,7 +36,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "search": {"geometry", "wrenches"},
     "certification": {"grasp", "wrenches"},
     "loading": {"geometry", "grasp"},
-    "plant": {"certification", "geometry", "grasp", "loading"},
+    "plant": {"certification", "geometry", "grasp", "hand_grasp", "hands", "loading"},
     "files": {"geometry", "grasp", "hand_grasp", "settings", "wrenches"},
     "exporters": {"files", "grasp", "wrenches"},
     "hands": {

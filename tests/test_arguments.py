@@ -42,7 +42,7 @@ from drake_polygrasp.files.stated_grasp import StatedPlan
 from tests.hands.test_model import THREE_FINGER
 from tests.loading.test_plant_objects import CUBE, anchored, world
 from tests.support.grasp_files import write_box
-from tests.support.hands import own_hand
+from tests.support.hands import own_hand, own_hand_grasps
 from tests.support.plant_scenes import cube_grasp, model, top_grasp
 
 
@@ -118,6 +118,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "friction_error": 0.0,
         "com_error": 0.0,
     }
+    held = own_hand_grasps(CUBE)[0]
     given: dict[str, dict[str, Any]] = {
         "GraspForces": {
             "object_": cube,
@@ -150,6 +151,17 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "explain_sets": planned,
         "export_directives": {"file": file, "output": folder / "out.dmd.yaml"},
         "iter_batch": {"sources": (), "out": folder / "batch"},
+        "lift_with_hand": {
+            "object_": model("cube"),
+            "grasp": held.certified,
+            "hand": own_hand(),
+            "placement": held,
+            "mu": 0.5,
+            "feedforward": True,
+            "package_paths": (),
+            "packages": None,
+            "meshcat": None,
+        },
         "load_grasps": {"path": file.path},
         "load_hand": {"description": THREE_FINGER, "package_paths": (), "packages": None},
         "load_object": {"model_file": CUBE, "body_name": None, "mu": None, **settings},

@@ -17,6 +17,10 @@
 | harness.py | simulates fingertips and records forces and poses: `GraspSimulation` |
 | grasp_report.py | whether fingertips held the object, and how far it slipped: `report_grasp` |
 | approach.py | whether fingertips can reach contacts along the normals: `is_approach_clear` |
+| hand_control.py | commands a hand that closes and squeezes: `HandController` |
+| hand_lift.py | lifts the object with a whole hand: `lift_with_hand` |
+| lift_plant.py | a plant with a hand on two carriages and the object under it |
+| supports.py | where an object stands, and spheres may carry it |
 | grasp_forces.py | a grasp as a system of a diagram: `GraspForces` |
 """
 
@@ -40,6 +44,7 @@ if TYPE_CHECKING:
         fingertip_spheres,
     )
     from drake_polygrasp.plant.grasp_report import Event, GraspReport, report_grasp
+    from drake_polygrasp.plant.hand_control import HandTimes, add_hand_actuators
     from drake_polygrasp.plant.harness import (
         GraspRecord,
         GraspSample,
@@ -56,7 +61,9 @@ __all__ = [
     "GraspReport",
     "GraspSample",
     "GraspSimulation",
+    "HandTimes",
     "add_fingertips",
+    "add_hand_actuators",
     "add_slider",
     "connect_commands",
     "contact_material",
@@ -83,6 +90,7 @@ __getattr__, __dir__ = lazy_names(
             "fingertip_spheres",
         ),
         "grasp_report": ("Event", "GraspReport", "report_grasp"),
+        "hand_control": ("HandTimes", "add_hand_actuators"),
         "harness": ("GraspRecord", "GraspSample", "GraspSimulation", "connect_commands"),
     },
 )

@@ -187,7 +187,7 @@ class Fingertips:
         parts = plant.GetBodiesWeldedTo(self.body)
         surface = {g for part in parts for g in plant.GetCollisionGeometriesForBody(part)}
         f_Bc_W = np.zeros((3, 3))
-        for source, target, force in _contact_forces(
+        for source, target, force in contact_forces(
             plant.get_contact_results_output_port().Eval(context)
         ):
             if target in surface and source in self.geometries:
@@ -198,10 +198,13 @@ class Fingertips:
         return np.asarray(np.einsum("ij,ij->i", f_Bc_W, self.nhat_H @ R_WH.T))
 
 
-def _contact_forces(results: ContactResults) -> Iterator[tuple[GeometryId, GeometryId, Array]]:
+def contact_forces(results: ContactResults) -> Iterator[tuple[GeometryId, GeometryId, Array]]:
     """Yields each contact: a geometry, the geometry on which it pushes, and the force on that [N].
 
     Forces are expressed in W.
+
+    Args:
+        results: the contact results of a plant.
     """
     for k in range(results.num_point_pair_contacts()):
         point = results.point_pair_contact_info(k)

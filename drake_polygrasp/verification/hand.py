@@ -16,7 +16,7 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import HandError, MissingPackageError
 from drake_polygrasp.files.stated_grasp import StatedGrasp
 from drake_polygrasp.geometry.surface_contact import locate_contacts
-from drake_polygrasp.grasp import Grasp, GraspObject
+from drake_polygrasp.grasp import Grasp, GraspObject, PlantVerdict
 from drake_polygrasp.hand_grasp import HandPlacement, HandSource, HandTorque
 from drake_polygrasp.hands.approach import closes_freely, way_is_free
 from drake_polygrasp.hands.hand import Hand
@@ -62,7 +62,7 @@ class HandCheck:
             package_paths: folders searched for the packages of package:// URIs.
             packages: folders of packages by name.
         """
-        self._object = object_
+        self._object, self._package_paths, self._packages = object_, package_paths, packages
         self._scene: HandScene | None = None
         self._line = CheckResult(Status.RECOMPUTED)
         try:
@@ -99,6 +99,25 @@ class HandCheck:
         if fault is not None:
             return CheckResult(Status.FAILED, fault)
         return CheckResult(Status.RECOMPUTED, "; ".join(self._remarks(placement)))
+
+    def verdicts(self, stated: StatedGrasp) -> Iterator[PlantVerdict]:
+        """Yields the verdict "hand" of a simulated lift, if there is a hand whose model is there.
+
+        Args:
+            stated: a grasp of the file.
+        """
+        # Simulation is loaded only if it is asked for.
+        from drake_polygrasp.plant.hand_lift import judge_lift
+
+        if self._scene is not None and stated.hand is not None:
+            yield judge_lift(
+                self._object,
+                stated,
+                self._scene.hand,
+                stated.hand,
+                package_paths=self._package_paths,
+                packages=self._packages,
+            )
 
     def _violations(
         self, scene: HandScene, grasp: Grasp, placement: HandPlacement

@@ -8,7 +8,7 @@ favourable than the recomputed one is rejected.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -48,6 +48,7 @@ from drake_polygrasp.verification.stated_model import find_stated_model, load_st
 
 if TYPE_CHECKING:
     from drake_polygrasp.loading.surroundings import Surroundings
+    from drake_polygrasp.verification.hand import HandCheck
 from drake_polygrasp.verification.report import (
     CheckResult,
     GraspVerification,
@@ -122,16 +123,13 @@ def verify_file(
         raise UsageError("misses are simulated in the plant: add plant=True")
     file = load_grasps(path)
     model, avoided = _find_model(file, package_paths, packages), file.plan.exclusion
-    check_hand = _hand_check(file, model, package_paths, packages)
+    hand = _hand_check(file, model, package_paths, packages)
     # A file may state numbers of any size; every comparison below fails if one overflows.
     with np.errstate(all="ignore"):
         grasps: list[GraspVerification] = []
         for stated in file.grasps:
             tell(len(grasps), len(file.grasps))
-            checked = _verify_grasp(stated, file.object_, model, avoided)
-            if stated.hand is not None:
-                checked = replace(checked, hand=check_hand(stated))
-            grasps.append(checked)
+            grasps.append(_verify_grasp(stated, file.object_, model, avoided, hand))
     if plant and model.object_ is not None:
         around = _surroundings(scene, model.object_, file, package_paths, packages)
         for i, stated in enumerate(file.grasps):
@@ -139,6 +137,9 @@ def verify_file(
             grasps[i] = _with_plant(
                 grasps[i], stated, model.object_, package_paths, packages, around, misses
             )
+            if hand is not None and (record := grasps[i].plant) is not None:
+                verdicts = (*record.verdicts, *hand.verdicts(stated))
+                grasps[i] = replace(grasps[i], plant=replace(record, verdicts=verdicts))
     return VerificationReport(
         file.path, tuple(grasps), model.line.status is not Status.NOT_CHECKED, model.warnings
     )
@@ -149,19 +150,22 @@ def _hand_check(
     model: _Model,
     package_paths: Sequence[Path | str],
     packages: Mapping[str, str | Path] | None,
-) -> Callable[[StatedGrasp], CheckResult]:
-    """Returns the check of how the file's hand holds a grasp."""
+) -> HandCheck | None:
+    """Returns the check of the file's hand, if there are a hand and an object to hold."""
     if file.hand is None or model.object_ is None:
-        reason = "the object's model is not there, or not as stated"
-        return lambda _: CheckResult(Status.NOT_CHECKED, reason)
+        return None
     # Kinematics and solvers are loaded only for files with a hand.
     from drake_polygrasp.verification.hand import HandCheck
 
-    return HandCheck(file.hand, model.object_, package_paths, packages).check
+    return HandCheck(file.hand, model.object_, package_paths, packages)
 
 
 def _verify_grasp(
-    stated: StatedGrasp, object_: StatedObject, model: _Model, avoided: Exclusion
+    stated: StatedGrasp,
+    object_: StatedObject,
+    model: _Model,
+    avoided: Exclusion,
+    hand: HandCheck | None,
 ) -> GraspVerification:
     surface, clearance = model.line, None
     if model.object_ is not None:
@@ -172,7 +176,11 @@ def _verify_grasp(
         if forces.status is Status.FAILED
         else _check_numbers(stated, object_, clearance, surface.status is not Status.FAILED)
     )
-    return GraspVerification(forces, surface, numbers, stated_plant=stated.plant)
+    held = None
+    if stated.hand is not None:
+        reason = "the object's model is not there, or not as stated"
+        held = hand.check(stated) if hand else CheckResult(Status.NOT_CHECKED, reason)
+    return GraspVerification(forces, surface, numbers, stated_plant=stated.plant, hand=held)
 
 
 def _surroundings(
