@@ -118,7 +118,7 @@ def _scaled(
             print(f"{name}: left out: its sides, 1 : {sides.max() / sides.min():.0f}, fit no hand")
             return
     root = ElementTree.parse(file).getroot()
-    _scale(root, factor * scale, file.parent)
+    _scale(root, float(factor * scale), file.parent)
     scaled = out / f"{name}_{factor:g}{file.suffix}"
     scaled.write_text(ElementTree.tostring(root, encoding="unicode"))
     yield HandObject(name, scaled)

@@ -51,10 +51,12 @@ def count_refusals(refusals: Iterable[HandRefusal]) -> tuple[dict[str, int], dic
         refusals: the refusals, of the best candidate first.
 
     Returns:
-        The numbers, most frequent reason first, and the first sentence of each reason.
+        The numbers, most frequent reason first but the budget last, and the first sentence of each
+        reason.
     """
     refusals = list(refusals)
-    counts = dict(Counter(refusal.reason for refusal in refusals).most_common())
+    common = Counter(refusal.reason for refusal in refusals).most_common()
+    counts = dict(sorted(common, key=lambda item: item[0] == "budget"))
     first = {refusal.reason: refusal.sentence for refusal in reversed(refusals)}
     return counts, {reason: first[reason] for reason in counts}
 
