@@ -55,8 +55,8 @@ MAY_IMPORT: dict[str, set[str]] = {
         *("certification", "geometry", "grasp", "pipeline", "search", "wrenches"),
     },
     "visualization": {
-        *("certification", "files", "geometry", "grasp", "hands", "paper", "pipeline"),
-        "wrenches",
+        *("certification", "files", "geometry", "grasp", "hand_grasp", "hands", "paper"),
+        *("pipeline", "wrenches"),
     },
     "batch": {
         *("files", "geometry", "grasp", "loading", "pipeline", "settings", "verification"),

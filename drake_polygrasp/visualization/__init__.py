@@ -4,6 +4,7 @@
 |---|---|
 | scene.py | an object and its grasps in a Meshcat |
 | hand.py | a hand in postures in a Meshcat |
+| hand_on_grasps.py | a hand that holds ranked grasps, and its way there, in a Meshcat |
 | page.py | a Meshcat as one web page that needs no server, with a panel of grasps |
 | figures.py | the planes on which the paper plans for one set of faces (needs matplotlib) |
 | explanation.py | why a set of faces has a grasp or none (needs matplotlib) |
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.visualization.explanation import draw_explanation
     from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
     from drake_polygrasp.visualization.hand import draw_hand, draw_hand_postures
+    from drake_polygrasp.visualization.hand_on_grasps import draw_hands, move_hand
     from drake_polygrasp.visualization.page import save_html
     from drake_polygrasp.visualization.palette import CONTACTS, rgb
     from drake_polygrasp.visualization.scene import (
@@ -44,11 +46,13 @@ __all__ = [
     "draw_grasps",
     "draw_hand",
     "draw_hand_postures",
+    "draw_hands",
     "draw_object",
     "draw_reasons",
     "draw_sketch",
     "draw_trace",
     "look_at",
+    "move_hand",
     "rgb",
     "save_html",
     "show_rank",
@@ -60,6 +64,7 @@ __getattr__, __dir__ = lazy_names(
         "explanation": ("draw_explanation",),
         "figures": ("draw_reasons", "draw_trace"),
         "hand": ("draw_hand", "draw_hand_postures"),
+        "hand_on_grasps": ("draw_hands", "move_hand"),
         "page": ("save_html",),
         "palette": ("CONTACTS", "rgb"),
         "scene": ("draw_grasp", "draw_grasps", "draw_object", "look_at", "show_rank"),
