@@ -80,8 +80,10 @@ def chaos(folder: Path, num_objects: int, num_kills: int, engine: str, seed: int
             code = driver.wait()
             break
         # Most are killed when children work; some while they start, or before there are any.
+        if chance.random() < 0.8:
+            await_start(folder / "log", driver)
         with suppress(subprocess.TimeoutExpired):
-            code = driver.wait(chance.uniform(0.5, 8.0))
+            code = driver.wait(chance.uniform(0.05, 2.0))
             break
         below = descendants(driver.pid)
         if below and chance.random() < 0.3:
@@ -185,6 +187,13 @@ def dask_under_fire(seed: int) -> Any:
 
     Thread(target=fire, daemon=True).start()
     return distributed.Client(cluster).get_executor()
+
+
+def await_start(log: Path, driver: subprocess.Popen[bytes]) -> None:
+    """Waits until a child starts an object, or there is nothing left to start."""
+    size = log.stat().st_size
+    while log.stat().st_size == size and driver.poll() is None:
+        time.sleep(0.01)
 
 
 def descendants(process: int) -> list[int]:

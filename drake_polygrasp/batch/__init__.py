@@ -30,17 +30,24 @@ from typing import TYPE_CHECKING
 from drake_polygrasp import lazy_names
 
 if TYPE_CHECKING:
+    from drake_polygrasp.batch.parquet import export_parquet
     from drake_polygrasp.batch.run import BatchReport, iter_batch, plan_batch
+    from drake_polygrasp.batch.status import BatchStatus, read_status
 
 __all__ = [
     "BatchReport",
+    "BatchStatus",
+    "export_parquet",
     "iter_batch",
     "plan_batch",
+    "read_status",
 ]
 
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
+        "parquet": ("export_parquet",),
+        "status": ("BatchStatus", "read_status"),
         "run": ("BatchReport", "iter_batch", "plan_batch"),
     },
 )
