@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import socket
-import time
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -16,8 +16,6 @@ from drake_polygrasp.errors import BatchError
 
 _ENDING = ".grasp.yaml"
 _URL = re.compile(r"([a-z0-9]{2,})://.+")
-_SCRATCH_SECONDS = 86_400.0
-"""Age at which what another host has not finished writing is removed [s]. Our choice."""
 _EXTRAS = {"s3": ("s3fs", "s3"), "gs": ("gcsfs", "gcs"), "gcs": ("gcsfs", "gcs")}
 """The package that reaches each kind of bucket, and the extra that brings it."""
 
@@ -106,10 +104,11 @@ class LocalOutput:
         scratch = self.folder / f".{key}.{socket.gethostname()}-{os.getpid()}.tmp"
         try:
             with scratch.open("w", encoding="utf-8") as file:
+                fcntl.flock(file, fcntl.LOCK_EX)  # Tells `remove_scratch` that it is being written.
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
-            scratch.replace(self.path(key))
+                scratch.replace(self.path(key))
         except OSError as error:
             with suppress(OSError):
                 scratch.unlink(missing_ok=True)
@@ -236,24 +235,12 @@ def open_output(out: str | Path) -> GraspOutput:
 
 
 def remove_scratch(folder: Path) -> None:
-    """Removes what drivers that died left half-written in a folder.
+    """Removes what drivers that died left half-written in a folder; nobody has a lock on it.
 
     Args:
         folder: the folder of grasp files.
     """
     for path in folder.glob(".*.tmp"):
-        host, _, process = path.name.removesuffix(".tmp").split(".", 2)[2].rpartition("-")
-        with suppress(OSError, ValueError):
-            is_dead = host == socket.gethostname() and not _is_alive(int(process))
-            if is_dead or time.time() - path.stat().st_mtime > _SCRATCH_SECONDS:
-                path.unlink(missing_ok=True)
-
-
-def _is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
+        with suppress(OSError), path.open("a") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            path.unlink(missing_ok=True)

@@ -9,7 +9,7 @@ import pytest
 
 from drake_polygrasp import BatchError, load_grasps, plan_batch
 from drake_polygrasp.batch.parquet import export_parquet
-from tests.support.batches import prism_file, rows_of
+from tests.support.batches import QUICK, prism_file, rows_of
 
 parquet = pytest.importorskip(
     "pyarrow.parquet", reason="pyarrow writes Parquet: pip install '.[query]'"
@@ -22,7 +22,9 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for sides in (4, 6):
         prism_file(folder / "parts", sides)
     (folder / "parts" / "broken.obj").write_text("f 1 2 3\n")
-    plan_batch(folder / "parts", folder / "out", top=3, placement_error=1e-3, mu=0.5)
+    plan_batch(
+        folder / "parts", folder / "out", **QUICK | {"top": 3, "placement_error": 1e-3, "mu": 0.5}
+    )
     return folder / "out"
 
 

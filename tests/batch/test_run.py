@@ -25,7 +25,8 @@ from drake_polygrasp import (
 )
 from drake_polygrasp.batch.driver_lock import DriverLock
 from drake_polygrasp.batch.status import read_status
-from tests.support.batches import files_of, prism_file, rows_of, two_bodies
+from drake_polygrasp.settings import NO_ERRORS
+from tests.support.batches import QUICK, files_of, prism_file, rows_of, two_bodies
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -46,7 +47,7 @@ def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
         '<robot name="r"><link name="l"><collision><geometry><mesh filename="lost.obj"/></geometry>'
         "</collision></link></robot>"
     )
-    report = plan_batch([parts, folder / "others"], folder / "out", workers=2, top=2)
+    report = plan_batch([parts, folder / "others"], folder / "out", **QUICK)
     assert report.complete
     assert report.num_planned == 7  # Two sources are the same object.
     assert report.num_objects == 8
@@ -63,7 +64,7 @@ def copy(planned: Path, tmp_path: Path) -> Iterator[Path]:
 def again(folder: Path, **arguments: object) -> list[str]:
     """What the same batch plans when it is asked for again."""
     sources = [folder / "parts", folder / "others"]
-    rows = iter_batch(sources, folder / "out", **{"workers": 2, "top": 2} | arguments)
+    rows = iter_batch(sources, folder / "out", **QUICK | arguments)
     return sorted(f"{Path(row.source).name} {row.status}" for row in rows)
 
 
@@ -96,7 +97,7 @@ def test_a_result_is_what_planning_alone_gives(planned: Path) -> None:
     file = planned / "out" / "grasps" / f"{row.key}.grasp.yaml"
     alone = file.with_name("alone.yaml")
     object_ = load_object(row.source)
-    plan = plan_grasps(object_, top=2)
+    plan = plan_grasps(object_, effort="quick", top=2, **NO_ERRORS)
     save_grasps(alone, object_, plan.grasps, plan.settings)
     assert alone.read_bytes() == file.read_bytes()
     alone.unlink()
@@ -122,7 +123,7 @@ def test_a_changed_object_or_option_is_another_result(copy: Path) -> None:
     mesh = copy / "parts" / "prism_6.obj"
     mesh.write_text(mesh.read_text() + "# changed\n")
     assert again(copy) == ["prism_6.obj ok"]
-    assert len(again(copy, edge_clearance=1e-3, effort="quick")) == 7
+    assert len(again(copy, edge_clearance=1e-3)) == 7
     status = read_status(copy / "out")
     assert status.num_objects == 8
     assert status.counts["ok"] == 5
@@ -134,7 +135,8 @@ def test_a_changed_object_or_option_is_another_result(copy: Path) -> None:
 
 
 def test_options_that_say_the_same_are_the_same(copy: Path) -> None:
-    assert again(copy, top=2, effort="full", mu=None, avoid_directions=[]) == []
+    assert again(copy, rank="epsilon", mu=None, avoid_directions=[]) != []
+    assert again(copy, rank="epsilon", scale=None, avoid_directions=()) == []
     assert again(copy, limit=1, avoid_directions=[(0, 0, -2)], exclude_faces=[1, 0]) != []
     asked = {"avoid_directions": ((0, 0, -1.0),), "exclude_faces": (0, 1, 1)}
     assert len(again(copy, **asked)) == 7 - 1
@@ -177,13 +179,13 @@ def test_shards_and_executors_give_the_same_files_as_one_run(planned: Path) -> N
         shards = []
         for index in range(1, count + 1):
             # Beside the first output, for paths of models in files are relative.
-            asked = {"shard": (index, count), "top": 2, "workers": 2}
+            asked = {"shard": (index, count), **QUICK}
             with ThreadPoolExecutor(2) as threads:
                 report = plan_batch(
                     [planned / "parts", planned / "others"],
                     planned / f"out_{count}",
                     executor=threads if count == 3 else None,
-                    **asked,  # type: ignore[arg-type]
+                    **asked,
                 )
             assert report.complete
             shards.append(report.num_planned)
@@ -193,21 +195,21 @@ def test_shards_and_executors_give_the_same_files_as_one_run(planned: Path) -> N
 
 
 def test_a_limit_is_of_objects_that_are_planned(planned: Path, tmp_path: Path) -> None:
-    asked = {"top": 2, "workers": 2, "limit": 2}
-    report = plan_batch(planned / "parts", tmp_path, **asked)  # type: ignore[arg-type]
+    asked = {"limit": 2, **QUICK}
+    report = plan_batch(planned / "parts", tmp_path, **asked)
     assert (report.num_planned, report.complete) == (2, False)
-    report = plan_batch(planned / "parts", tmp_path, **asked)  # type: ignore[arg-type]
+    report = plan_batch(planned / "parts", tmp_path, **asked)
     assert report.num_planned == 1
     assert report.complete
 
 
 def test_leaving_the_loop_ends_the_run_and_frees_the_output(planned: Path, tmp_path: Path) -> None:
-    rows = iter_batch(planned / "parts", tmp_path, top=2)
+    rows = iter_batch(planned / "parts", tmp_path, **QUICK)
     next(rows)
     with pytest.raises(BatchError, match=f"another driver writes there .*process {os.getpid()}"):
         plan_batch(planned / "parts", tmp_path)
     rows.close()
-    assert plan_batch(planned / "parts", tmp_path, top=2).complete
+    assert plan_batch(planned / "parts", tmp_path, **QUICK).complete
 
 
 def test_one_driver_in_all_or_one_for_each_shard(tmp_path: Path) -> None:

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from drake_polygrasp.batch.reading import read_rows
 from drake_polygrasp.batch.rows import BatchRow
+from drake_polygrasp.settings import NO_ERRORS
 from tests.support.convex_polyhedra import prism, write_obj
 from tests.support.solids import regular_polygon
 
+QUICK: dict[str, Any] = {"effort": "quick", "top": 2, "workers": 2, **NO_ERRORS}
+"""Arguments of batches whose grasps do not matter."""
+QUICK_OPTIONS = [
+    *("--effort=quick", "--top=2", "--workers=2"),
+    *(f"--{name.replace('_', '-')}=0" for name in NO_ERRORS),
+]
+"""The same as options of the command."""
 LINK = """\
 <link name="{name}"><pose>0 0 {z} 0 0 0</pose><collision name="c"><geometry><box>
 <size>0.1 0.1 {height}</size></box></geometry></collision></link>
