@@ -220,9 +220,10 @@ def no_grasp_message(model: str, object_: GraspObject, plan: GraspPlan, output: 
         output: the grasp file that is not written.
     """
     reasons = ", ".join(f"{count} {reason}" for reason, count in plan.reasons.items())
-    kept = (
-        "edge clearance and placement error" if plan.settings.placement_error else "edge clearance"
-    )
+    # Default errors cost no grasp, so that they are not why there is none.
+    is_given = plan.settings.placement_error_share_of_inradius is None
+    misses = is_given and plan.settings.placement_error > 0
+    kept = "edge clearance and placement error" if misses else "edge clearance"
     why = f" ({reasons})" if reasons else f": no two faces have room within the {kept}"
     if plan.outcome == "none_found":
         result = (

@@ -26,6 +26,7 @@ from tests.support.grasp_files import BOX_SDF, write_box
 ROOT = Path(drake_polygrasp.__file__).parents[1]
 MODELS = ROOT / "models"
 CUBE, TETRAHEDRON = MODELS / "cube" / "cube.sdf", MODELS / "tetrahedron" / "tetrahedron.urdf"
+EXACT = "--placement-error 0 --tilt-error 0 --friction-error 0 --com-error 0"
 JSON_KEYS = [
     "model",
     "num_faces",
@@ -72,12 +73,11 @@ def polygrasp(command: str, **options: Any) -> subprocess.CompletedProcess[str]:
 
 
 def test_plan_writes_what_verify_bears_out(capsys: pytest.CaptureFixture[str]) -> None:
-    plan = Run(capsys, f"plan {CUBE}")
+    exact = Run(capsys, f"plan {CUBE} {EXACT} --top 15")
+    counts = "15 certified, all evaluated"
+    assert exact.out.splitlines()[0] == f"{CUBE}: 6 faces, 35 sets of faces, {counts}"
+    plan = Run(capsys, f"plan {CUBE} --top 3")
     assert (plan.code, plan.err) == (0, "")
-    assert (
-        plan.out.splitlines()[0]
-        == f"{CUBE}: 6 faces, 35 sets of faces, 15 certified, all evaluated"
-    )
     assert plan.out.splitlines()[-1] == "wrote cube.grasp.yaml"
     verify = Run(capsys, "verify cube.grasp.yaml")
     assert (verify.code, verify.err) == (0, ""), verify.out
@@ -106,8 +106,23 @@ def test_the_table_has_a_row_a_grasp_and_a_unit_where_there_is_one(
     lines = Run(capsys, f"plan {CUBE} --top 3").out.splitlines()
     for column in ("rank", "faces", "kind", "Q", "margin", "epsilon", "mu_min", "placement"):
         assert column in lines[1]
-    assert lines[2].split() == ["[mm]", "[N]"]
-    assert [line.split()[0] for line in lines[3:-1]] == ["1", "2", "3"]
+    assert lines[2].split() == ["[mm]", "[N]", "[mm]"]
+    assert [line.split()[0] for line in lines[3:6]] == ["1", "2", "3"]
+    exact = Run(capsys, f"plan {CUBE} --top 3 {EXACT}").out.splitlines()
+    assert "bears" in lines[1] and "bears" not in exact[1]
+    assert exact[2].split() == ["[mm]", "[N]"]
+    # L is 60 mm times the square root of 3, and all three grasps bear 2 percent of it.
+    assert {line.split()[-1] for line in lines[3:6]} == {"2.08"}
+    assert lines[6].startswith("bears: proved to hold with each contact off by this much")
+    assert len(lines) == 8
+
+
+def test_the_table_says_which_grasps_bear_less(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = Run(capsys, f"plan {MODELS / 'wedge' / 'wedge.urdf'}").out.splitlines()
+    full, *less = lines[-5:-1] if lines[-4].startswith("grasp") else lines[-4:-1]
+    assert full.startswith("bears: ")
+    assert all(line.startswith("grasp") and " rad, friction less by " in line for line in less)
+    assert {line.split(" rad")[0].split()[-1] for line in less} == {"0.04363", "0.02182"}
 
 
 def test_the_table_says_why_placement_on_patches_is_narrow(
@@ -116,7 +131,7 @@ def test_the_table_says_why_placement_on_patches_is_narrow(
     can = "<cylinder><radius>0.03</radius><length>0.1</length></cylinder>"
     Path("can.sdf").write_text(BOX_SDF.replace("<box><size>0.1 0.1 0.2</size></box>", can))
     for file, says in (("can.sdf", True), (CUBE, False)):
-        plan = Run(capsys, f"plan {file}")
+        plan = Run(capsys, f"plan {file} --top 1 {EXACT}")
         assert (plan.code, "placement holds only" in plan.out) == (0, says)
 
 
@@ -140,7 +155,7 @@ def test_plan_in_json_is_one_object_that_says_what_the_file_says(
 
 def test_the_same_command_writes_the_same_bytes(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        assert polygrasp(f"plan {CUBE} -o {tmp_path}/{name}").returncode == 0
+        assert polygrasp(f"plan {CUBE} --top 2 -o {tmp_path}/{name}").returncode == 0
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
@@ -259,7 +274,7 @@ def test_a_missing_model_is_a_warning_unless_it_is_required(
 
 def test_a_model_is_found_by_its_package(capsys: pytest.CaptureFixture[str]) -> None:
     uri = "package://drake_polygrasp_models/cube/cube.sdf"
-    assert Run(capsys, f"plan {uri} --package-path {MODELS}").code == 0
+    assert Run(capsys, f"plan {uri} --top 1 --package-path {MODELS}").code == 0
     assert load_grasps("cube.grasp.yaml").object_.model_file == uri
     found = Run(capsys, f"verify cube.grasp.yaml --package-path {MODELS} --require-model")
     assert found.code == 0, found.out

@@ -59,7 +59,7 @@ def plan(name: str, how: str = "all") -> GraspPlan:
 
 
 def request_of(object_: GraspObject) -> request.PlanRequest:
-    return request.make_request(object_, PlanOptions())
+    return request.make_request(object_, PlanOptions(**NO_ERRORS))
 
 
 def best(plan_: GraspPlan) -> float:
