@@ -17,7 +17,9 @@ from drake_polygrasp import (
     HandError,
     UsageError,
     lift_with_hand,
+    load_hand,
     load_object,
+    plan_hand_grasps,
     save_grasps,
     verify_file,
 )
@@ -30,6 +32,7 @@ from drake_polygrasp.plant.hand_lift import HELD_RISE, LIFT
 from drake_polygrasp.plant.supports import support_points
 from tests.support.hands import CUBE, MODELS, own_hand, own_hand_grasps, planned
 
+FOUR_FINGERS = Path(__file__).parents[1] / "hands" / "four_fingers.hand.yaml"
 LIFTED = [CUBE, MODELS / "t_block" / "t_block.urdf", MODELS / "wedge" / "wedge.urdf"]
 
 
@@ -50,6 +53,14 @@ def test_the_planned_torques_lift_and_hold_and_their_absence_does_not(model: Pat
         assert not idle.held
         slippery = lift_with_hand(object_, each.certified, own_hand(), each, mu=0.05)
         assert not slippery.held
+
+
+def test_joints_that_mimic_others_follow_them_in_the_lift() -> None:
+    hand, cube = load_hand(FOUR_FINGERS), load_object(CUBE)
+    each = plan_hand_grasps(cube, hand, top=1, load_mass=0.15, budget=60.0).grasps[0]
+    assert len(each.torque.torque) < len(each.q)
+    assert lift_with_hand(cube, each.certified, hand, each).held
+    assert not lift_with_hand(cube, each.certified, hand, each, feedforward=False).held
 
 
 def test_an_object_is_lifted_off_its_supports() -> None:
