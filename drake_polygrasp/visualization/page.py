@@ -16,13 +16,15 @@ import numpy as np
 from pydrake.geometry import Meshcat
 
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.visualization.palette import CONTACTS, INK, PLANE
 from drake_polygrasp.visualization.scene import PATH, ShownGrasp
 from drake_polygrasp.wrenches.contacts import edge_forces
 
 _NOTE = (
     "Drag to turn, scroll to zoom. Spheres are fingertips, cones friction, arrows the forces that "
-    "squeeze the object; in the dark discs each contact may be misplaced."
+    "squeeze the object; in the dark discs each contact may be misplaced, in the outlines under "
+    "all errors at once."
 )
 
 
@@ -95,6 +97,23 @@ def _rows(grasp: ShownGrasp) -> list[tuple[Any, ...]]:
     ):
         if value is not None:
             rows.append((name, f"{value * scale:.3g}{unit}"))
+    if grasp.region is not None:
+        rows += _error_rows(grasp.region)
     if grasp.plant is not None:
         rows.append(("in a plant", str(grasp.plant.verdict)))
+    return rows
+
+
+def _error_rows(region: RegionCertificate) -> list[tuple[Any, ...]]:
+    """Returns the panel's rows on the errors that a grasp bears at once, and what is left then."""
+    rows: list[tuple[Any, ...]] = [
+        ("bears at once: misses of", f"{1e3 * region.placement_error.min():.3g} mm"),
+        ("normals off by", f"{np.degrees(region.tilt_error):.3g} degrees"),
+        ("friction less by", f"{100 * region.friction_error:.3g} percent"),
+        ("centre of mass off by", f"{1e3 * region.com_error:.3g} mm"),
+    ]
+    if region.epsilon_lower is not None:
+        rows.append(("epsilon then", f"{region.epsilon_lower:.3g}"))
+    if region.squeeze_force is not None:
+        rows.append(("squeeze then", f"{region.squeeze_force:.3g} N"))
     return rows

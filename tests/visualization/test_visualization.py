@@ -20,7 +20,7 @@ import shapely
 from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Sphere
 from pydrake.math import RigidTransform
 
-from drake_polygrasp import UsageError, load_grasps, load_object, save_grasps
+from drake_polygrasp import UsageError, load_grasps, load_object, plan_grasps, save_grasps
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.cli.shown_scene import ShownScene
@@ -302,6 +302,22 @@ def test_the_page_is_whole_small_and_says_what_the_colours_mean(
 def test_a_page_that_cannot_be_written_is_a_usage_error(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be written"):
         save_html(tmp_path / "missing" / "page.html", Meshcat())
+
+
+def test_the_panel_says_what_a_grasp_bears(tmp_path: Path) -> None:
+    cube = load_object(model("cube"))
+    errors = {"placement_error": 0.0025, "tilt_error": 0.1, "friction_error": 0.1, "com_error": 0.0}
+    (grasp,) = plan_grasps(cube, top=1, effort="quick", **errors).grasps  # type: ignore[arg-type]
+    assert grasp.region is not None and grasp.region.squeeze_force is not None
+    save_html(tmp_path / "cube.html", Meshcat(), [grasp])
+    page = (tmp_path / "cube.html").read_text()
+    for name, value in (
+        ("bears at once: misses of", "2.5 mm"),
+        ("normals off by", "5.73 degrees"),
+        ("friction less by", "10 percent"),
+        ("squeeze then", f"{grasp.region.squeeze_force:.3g} N"),
+    ):
+        assert f'["{name}", "{value}"]' in page
 
 
 def test_contacts_differ_in_lightness_for_grey_print() -> None:
