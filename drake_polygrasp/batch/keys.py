@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Generator, Iterable
 from contextlib import suppress
 from itertools import islice
@@ -26,8 +25,7 @@ def model_key(contents: str, options: BatchOptions) -> str:
         contents: digest of the model's files.
         options: what is asked for it.
     """
-    text = json.dumps({"contents": contents, **options.identity}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(f"{contents}\0{options.identity}".encode()).hexdigest()
 
 
 def body_key(key: str, body: str) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -99,16 +101,17 @@ class BatchOptions:
             "plant": self.plant,
         }
 
-    @property
-    def identity(self) -> dict[str, Any]:
-        """What decides the result beside the model's files, as plain data.
+    @cached_property
+    def identity(self) -> str:
+        """What decides the result beside the model's files, as text.
 
         Where packages are is left out: what they hold belongs to the model's files.
         """
         asked = self.request
         for place in ("package_paths", "packages"):
             del asked["load"][place]
-        return asked | {"versions": {"drake_polygrasp": __version__, "drake": drake_version()}}
+        versions = {"drake_polygrasp": __version__, "drake": drake_version()}
+        return json.dumps({**asked, "versions": versions}, sort_keys=True)
 
 
 def make_batch_options(asked: Mapping[str, Any]) -> BatchOptions:

@@ -55,6 +55,8 @@ class Store:
         """Closes the rows and gives the lock back."""
         for connection in (self._rows, *self._others):
             with suppress(sqlite3.Error):
+                connection.commit()
+            with suppress(sqlite3.Error):
                 connection.close()
         self._lock.__exit__()
 
@@ -126,6 +128,9 @@ class Store:
         """
         values = (_plain(source), body, key, self._run)
         with self._failing():
+            # It is committed with the next row, or at the end: thousands may have their results.
+            if not self._rows.in_transaction:
+                self._rows.execute("BEGIN")
             self._rows.execute("REPLACE INTO objects VALUES (?, ?, ?, ?)", values)
 
     def keep_row(self, row: BatchRow) -> None:
@@ -136,7 +141,7 @@ class Store:
         """
         values = [_plain(value) for value in astuple(row)]
         marks = ", ".join("?" * len(values))
-        with self._failing():
+        with self._failing(), self._transaction():
             self._rows.execute(f"REPLACE INTO results VALUES ({marks})", values)
 
     def keep_fact(self, name: str, value: float) -> None:
@@ -151,7 +156,8 @@ class Store:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        self._rows.execute("BEGIN IMMEDIATE")
+        if not self._rows.in_transaction:
+            self._rows.execute("BEGIN")
         try:
             yield
             self._rows.execute("COMMIT")
