@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -117,7 +118,11 @@ def _scaled(
         if scale * sides.max() > 1.2 * MOST:
             print(f"{name}: left out: its sides, 1 : {sides.max() / sides.min():.0f}, fit no hand")
             return
-    root = ElementTree.parse(file).getroot()
+    text = file.read_text()
+    # Prefixes are lost but for those that are registered.
+    for namespace in re.findall(r'xmlns:drake="([^"]*)"', text):
+        ElementTree.register_namespace("drake", namespace)
+    root = ElementTree.fromstring(text)
     _scale(root, float(factor * scale), file.parent)
     scaled = out / f"{name}_{factor:g}{file.suffix}"
     scaled.write_text(ElementTree.tostring(root, encoding="unicode"))
@@ -126,7 +131,6 @@ def _scaled(
 
 def _scale(root: ElementTree.Element, scale: float, folder: Path) -> None:
     """Scales all lengths of a model of SDF or URDF, and names meshes by their whole paths."""
-    ElementTree.register_namespace("drake", "http://drake.mit.edu")
     for element in root.iter():
         if root.tag == "sdf":
             _scale_sdf(element, scale, folder)

@@ -1,7 +1,8 @@
 """How often a hand makes a grasp: postures, torques and ways for many objects of its size.
 
     python -m benchmarks.hands [FOLDER ...] [--hand HAND.yaml] [--package NAME=DIR]
-        [--scale 1 1.8] [--mass 0.15 0.2] [--most N] [--skip-planner] [--require SHARE]
+        [--scale 1 1.8] [--mass 0.15 0.2] [--scene table air] [--most N] [--lift]
+        [--skip-planner] [--require SHARE]
 
 Objects are generated boxes, cans, balls, capsules, mugs and a hammer, our models, and those of the
 folders, scaled into a range of 2.5 to 13 cm, and again by the factors of `--scale`. Each stands on
@@ -10,7 +11,9 @@ every orientation. "planner" takes the ten best grasps of `plan_grasps`, for exa
 same distance from edges, in place of those within the hand's reach. Friction is 0.5.
 
 All grasps that are returned are judged again, in a plant of the models as Drake's Parser makes it:
-tips, angles, distances; and proved again in exact arithmetic. Seconds are of the processor.
+tips, angles, distances; and proved again in exact arithmetic. Seconds are of the processor. With
+`--lift` each is lifted in simulation, and again without the planned torques and with friction 0.05,
+which should drop it.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +49,7 @@ from drake_polygrasp.hands.hand_search import HandSearch, HoldOptions
 from drake_polygrasp.hands.library import hand_reach, make_reach
 from drake_polygrasp.hands.scene import HandScene
 from drake_polygrasp.loading.surroundings import obstacles_of
+from drake_polygrasp.plant.hand_lift import lift_with_hand
 from drake_polygrasp.settings import NO_ERRORS
 from tests.support.hand_judge import HandJudge
 
@@ -66,6 +71,9 @@ class Row:
     proved: int = 0
     returned: int = 0
     misses: dict[str, str] = field(default_factory=dict)
+    slips: list[float] = field(default_factory=list)
+    lifts: Counter[str] = field(default_factory=Counter)
+    dropped: list[str] = field(default_factory=list)
 
 
 def main(arguments: Iterable[str] | None = None) -> int:
@@ -81,10 +89,10 @@ def main(arguments: Iterable[str] | None = None) -> int:
         for scale, mass in zip(options.scale, options.mass, strict=True):
             out = Path(folder)
             files = list(subjects(out, options.folders, scale))[: options.most]
-            for scene in ("table", "air"):
+            for scene in options.scene:
                 row = Row()
                 for subject in files:
-                    _measure(row, subject, hand, scene, mass, packages, not options.skip_planner)
+                    _measure(row, subject, hand, scene, mass, packages, options)
                 _print(row, hand, scene, scale, mass)
                 if row.made < options.require * row.asked or row.proved < row.returned:
                     code = 1
@@ -99,7 +107,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--package", default=[], action="append", help="NAME=DIR of its package")
     parser.add_argument("--scale", default=[1.0], nargs="+", type=float, help="default: 1")
     parser.add_argument("--mass", default=[0.15], nargs="+", type=float, help="of each scale [kg]")
+    parser.add_argument(
+        "--scene", default=["table", "air"], nargs="+", choices=("table", "air"), help="both"
+    )
     parser.add_argument("--most", type=int, help="objects at most")
+    parser.add_argument("--lift", action="store_true", help="lift each in simulation")
     parser.add_argument("--skip-planner", action="store_true", help="leave out the comparison")
     parser.add_argument("--require", type=float, default=0.0, help="share that must be grasped")
     return parser
@@ -112,7 +124,7 @@ def _measure(
     scene: str,
     mass: float,
     packages: dict[str, str],
-    compare: bool,
+    options: argparse.Namespace,
 ) -> None:
     object_ = load_object(subject.file, mu=MU)
     up_B, table = resting(object_)
@@ -131,7 +143,7 @@ def _measure(
     )
     row.seconds.append(process_time() - start - plan.seconds["library"])
     row.asked += 1
-    if compare:
+    if not options.skip_planner:
         row.planner += _planner_makes_one(object_, hand, surroundings, up_B, mass)
     if not plan.grasps:
         row.misses[subject.name] = ", ".join(f"{n} {why}" for why, n in plan.refusals.items())
@@ -139,6 +151,35 @@ def _measure(
     row.made += 1
     row.first += plan.tried == 1
     _judge(row, plan, hand, subject, packages)
+    if options.lift:
+        _lift(row, object_, hand, plan.grasps[0], subject.name, packages)
+
+
+def _lift(
+    row: Row,
+    object_: GraspObject,
+    hand: Hand,
+    best: HandGrasp,
+    name: str,
+    packages: dict[str, str],
+) -> None:
+    ways: dict[str, dict[str, Any]] = {
+        "lifts": {},
+        "without torques": {"feedforward": False},
+        "friction 0.05": {"mu": 0.05},
+    }
+    for way, asked in ways.items():
+        try:
+            found = lift_with_hand(object_, best.certified, hand, best, packages=packages, **asked)
+        except PolygraspError as error:
+            row.lifts[f"{way}: not simulated"] += 1
+            print(f"{name}: {error}")
+            continue
+        row.lifts[f"{way}: {'held' if found.held else 'dropped'}"] += 1
+        if not asked and found.held:
+            row.slips.append(1e3 * found.slip)
+        elif not asked:
+            row.dropped.append(name)
 
 
 def _planner_makes_one(
@@ -221,7 +262,9 @@ def _measured(judge: HandJudge, found: HandGrasp) -> dict[str, float]:
 def _print(row: Row, hand: Hand, scene: str, scale: float, mass: float) -> None:
     seconds = np.array(row.seconds)
     print(f"\n{hand.name}, {scene}, scale {scale:g}, {mass:g} kg:")
-    print(f"  grasped: {row.made} of {row.asked} objects ({row.planner} by the planner's ten best)")
+    print(f"  grasped: {row.made} of {row.asked} objects")
+    if row.planner:
+        print(f"  by the planner's ten best: {row.planner}")
     print(f"  first candidate succeeds: {row.first} of {row.made}")
     print(
         f"  seconds, library apart: median {np.median(seconds):.2f}, 95 percent "
@@ -233,6 +276,11 @@ def _print(row: Row, hand: Hand, scene: str, scale: float, mass: float) -> None:
         print(f"  worst {name}: {sign * value:.3f}")
     for name, why in row.misses.items():
         print(f"  not grasped: {name} ({why})")
+    if row.lifts:
+        print(f"  {dict(sorted(row.lifts.items()))}; dropped: {', '.join(row.dropped) or 'none'}")
+    if row.slips:
+        low, high = np.quantile(row.slips, [0.5, 0.95])
+        print(f"  slip mm: median {low:.2f}, 95 percent {high:.2f}")
     reasons = Counter(why.partition(" ")[2].partition(",")[0] for why in row.misses.values())
     if reasons:
         print(f"  first reasons: {dict(reasons)}", flush=True)
