@@ -32,6 +32,11 @@ def dask_executor(address: str) -> Iterator[tuple[Executor, int, Callable[[], No
         distributed = import_module("distributed")
     except ImportError:
         raise BatchError("--scheduler needs Dask: pip install 'drake_polygrasp[dask]'") from None
+    # What lost connections log, errors say in one line; each of its loggers has a level of its own.
+    for name in [
+        name for name in logging.root.manager.loggerDict if name.startswith("distributed")
+    ]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = distributed.Client(address, timeout=_CONNECT_SECONDS)
     except Exception as error:
@@ -51,8 +56,6 @@ def dask_executor(address: str) -> Iterator[tuple[Executor, int, Callable[[], No
         threads = sum(client.nthreads().values())
         if threads == 0:
             raise BatchError(f"{address}: the Dask scheduler has no workers; start some")
-        # What a lost connection logs, `check` says in one line.
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
         yield client.get_executor(), threads, check
     finally:
         with suppress(Exception):

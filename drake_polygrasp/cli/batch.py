@@ -21,7 +21,7 @@ from drake_polygrasp.cli.reporting import (
     INTERRUPTED,
     as_json,
     print_error,
-    print_warnings,
+    print_line,
 )
 from drake_polygrasp.cli.values import (
     read_count,
@@ -158,7 +158,7 @@ def run_batch(arguments: argparse.Namespace) -> tuple[int, str]:
         )
         line = stack.enter_context(ProgressLine("batch", quiet=arguments.json))
         stop = stack.enter_context(_stopping(line))
-        run = BatchRun(request, stop.is_asked, lambda text: print_warnings([text]), **check)
+        run = BatchRun(request, stop.is_asked, lambda text: print_line(f"note: {text}"), **check)
         stop.run = run
         for _ in run.rows():
             pass

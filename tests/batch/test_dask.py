@@ -1,0 +1,82 @@
+"""A cluster carries a batch from the command line, and is lost in one line."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from tests.support.batches import QUICK_OPTIONS, files_of, prism_file
+
+pytest.importorskip("distributed", reason="Dask is optional: pip install '.[dask]'")
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[tuple[str, int]]:
+    """The address of a scheduler with a worker of two threads, and the scheduler's process."""
+    file = tmp_path / "scheduler.json"
+    where = ["--scheduler-file", str(file), "--no-dashboard"]
+    started = []
+    for program in ("scheduler", "worker"):
+        command = [sys.executable, "-m", f"distributed.cli.dask_{program}", *where]
+        options = ["--port=0"] if program == "scheduler" else ["--nthreads=2", "--no-nanny"]
+        process = subprocess.Popen(
+            [*command, *options],
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+        )
+        started.append(process)
+    wait_for(file.exists)
+    text = file.read_text()
+    yield text.partition('"address": "')[2].partition('"')[0], started[0].pid
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def test_a_cluster_gives_the_files_of_one_process_until_it_is_lost(
+    tmp_path: Path, cluster: tuple[str, int]
+) -> None:
+    address, scheduler = cluster
+    for sides in range(4, 18, 2):
+        prism_file(tmp_path / "parts", sides)
+    command = [sys.executable, "-m", "drake_polygrasp", "batch", "parts", *QUICK_OPTIONS]
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    deadline = time.monotonic() + 60
+    while True:  # The worker may not have come yet.
+        asked = [*command, "--out", "cluster", "--scheduler", address]
+        driver = subprocess.Popen(
+            asked, cwd=tmp_path, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        with suppress(AssertionError):
+            wait_for(lambda: any((tmp_path / "cluster").glob("grasps/*.yaml")), driver)
+            break
+        assert "has no workers" in driver.communicate()[1]
+        assert time.monotonic() < deadline
+    os.kill(scheduler, signal.SIGKILL)
+    _, said = driver.communicate(timeout=60)
+    assert driver.returncode == 2
+    assert said == (
+        f"polygrasp: {address}: the Dask scheduler is lost; start it again and give the same "
+        "command again, which goes on from here\n"
+    )
+    # The same command without the cluster goes on.
+    for out in ("cluster", "alone"):
+        subprocess.run([*command, "--out", out], cwd=tmp_path, env=env, check=True)
+    assert files_of(tmp_path / "cluster") == files_of(tmp_path / "alone")
+
+
+def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str] | None = None) -> None:
+    deadline = time.monotonic() + 120
+    while not condition():
+        assert process is None or process.poll() is None, "it has ended"
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
