@@ -49,7 +49,7 @@ if TYPE_CHECKING:
         PlantVerdict,
         RegionCertificate,
     )
-    from drake_polygrasp.hand_grasp import HandGrasp
+    from drake_polygrasp.hand_grasp import HandGrasp, HandRefusal
     from drake_polygrasp.hands.check import HandReport, check_hand
     from drake_polygrasp.hands.hand import Hand
     from drake_polygrasp.hands.model import load_hand
@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.pipeline.explain import Explanation, explain_sets
     from drake_polygrasp.pipeline.hand_grasps import plan_hand_grasps
     from drake_polygrasp.pipeline.hand_plan import HandPlan
+    from drake_polygrasp.pipeline.one_hand_grasp import hand_grasp_for
     from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
     from drake_polygrasp.pipeline.plant_ranking import rank_in_plant
     from drake_polygrasp.pipeline.region_certificates import certify_region
@@ -96,6 +97,7 @@ __all__ = [
     "HandError",
     "HandGrasp",
     "HandPlan",
+    "HandRefusal",
     "HandReport",
     "LiftOutcome",
     "ModelError",
@@ -118,6 +120,7 @@ __all__ = [
     "epsilon_gap",
     "explain_sets",
     "export_directives",
+    "hand_grasp_for",
     "iter_batch",
     "lift_with_hand",
     "load_grasps",
@@ -150,7 +153,7 @@ _HOMES = {
         *("Certificate", "CertifiedGrasp", "Grasp", "GraspObject"),
         *("PlantRecord", "PlantVerdict", "RegionCertificate"),
     ),
-    "hand_grasp": ("HandGrasp",),
+    "hand_grasp": ("HandGrasp", "HandRefusal"),
     "hands.check": ("HandReport", "check_hand"),
     "hands.hand": ("Hand",),
     "hands.model": ("load_hand",),
@@ -162,6 +165,7 @@ _HOMES = {
     "pipeline.explain": ("Explanation", "explain_sets"),
     "pipeline.hand_grasps": ("plan_hand_grasps",),
     "pipeline.hand_plan": ("HandPlan",),
+    "pipeline.one_hand_grasp": ("hand_grasp_for",),
     "pipeline.plan": ("GraspPlan", "plan_grasps"),
     "pipeline.plant_ranking": ("rank_in_plant",),
     "pipeline.region_certificates": ("certify_region",),

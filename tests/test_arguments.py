@@ -19,6 +19,7 @@ from pydrake.multibody.tree import BodyIndex
 
 import drake_polygrasp
 from drake_polygrasp import (
+    NO_ERRORS,
     CertifiedGrasp,
     Grasp,
     GraspForces,
@@ -96,6 +97,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
     scenery = world(CUBE, anchored("ball", Sphere(0.01), RigidTransform([1.0, 0.0, 0.0])))
     crate = folder / "crate.sdf"
     crate.write_text(CUBE.read_text().replace("0.06", "0.6"))
+    too_large = load_object(crate)
     in_plant = {"plant": scenery.plant, "body": scenery.body, "context": scenery.context}
     settings = {
         "patch_angle": None,
@@ -162,6 +164,22 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
             "packages": None,
             "meshcat": None,
         },
+        "hand_grasp_for": {
+            "object_": too_large,
+            "grasp": plan_grasps(too_large, top=1, effort="quick", **NO_ERRORS).grasps[0],
+            "hand": own_hand(),
+            "surroundings": None,
+            "up_B": None,
+            "load_mass": 0.1,
+            "friction_share": 0.8,
+            "clearance": 0.002,
+            "approach": 0.1,
+            "fingers": None,
+            "budget": 1.0,
+            "seed": 0,
+            "package_paths": (),
+            "packages": None,
+        },
         "load_grasps": {"path": file.path},
         "load_hand": {"description": THREE_FINGER, "package_paths": (), "packages": None},
         "load_object": {"model_file": CUBE, "body_name": None, "mu": None, **settings},
@@ -192,7 +210,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
             "limit": None,
         },
         "plan_hand_grasps": {
-            "object_": load_object(crate),  # Too large for the hand, which takes least time.
+            "object_": too_large,  # which takes least time
             "hand": own_hand(),
             "top": 1,
             "surroundings": None,

@@ -17,6 +17,8 @@
 | plan.py | `plan_grasps` |
 | explain.py | `explain_sets`: what became of every set of faces |
 | hand_candidates.py | proposes and proves grasps that a hand may reach |
+| hand_options.py | the options of a hand's grasps, checked |
+| one_hand_grasp.py | `hand_grasp_for`: how a hand makes a grasp that is there already |
 | hand_plan.py | the plan of a hand, and why candidates are refused, in words |
 | hand_grasps.py | `plan_hand_grasps` |
 | plant_ranking.py | `rank_in_plant`: ranks the grasps of a plan by the verdicts of a plant |

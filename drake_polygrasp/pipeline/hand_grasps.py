@@ -16,33 +16,27 @@ from drake_polygrasp.arguments import (
     check_choice,
     check_count,
     check_instance,
-    check_items,
-    check_length,
     check_number,
     check_packages,
     check_paths,
     check_progress,
     check_seed,
-    refuse,
 )
-from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.errors import UsageError
-from drake_polygrasp.geometry.body_identity import check_same_body
-from drake_polygrasp.geometry.exclusion import unit_direction
-from drake_polygrasp.geometry.obstacles import Obstacles
+from drake_polygrasp.arrays import Array
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.hand_grasp import HandGrasp
 from drake_polygrasp.hands.hand import Hand
 from drake_polygrasp.hands.hand_search import HandSearch, HeldGrasp, HoldOptions, hand_grasp
 from drake_polygrasp.hands.library import hand_reach
 from drake_polygrasp.hands.scene import HandScene
-from drake_polygrasp.loading.surroundings import Surroundings, obstacles_of
+from drake_polygrasp.loading.surroundings import Surroundings
 from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
 from drake_polygrasp.pipeline.hand_candidates import (
     HandCandidates,
     in_order_of_overlap,
     propose_with_clearance,
 )
+from drake_polygrasp.pipeline.hand_options import hold_options, obstacles_around, with_fingers
 from drake_polygrasp.pipeline.hand_plan import HandPlan, count_refusals, no_candidates, unchecked
 from drake_polygrasp.search.reach import Reach, tip_distances
 from drake_polygrasp.settings import PlanOptions
@@ -129,12 +123,12 @@ def plan_hand_grasps(
     start = perf_counter()
     keep_freed_memory()
     check_instance("object_", object_, GraspObject, "as load_object returns it")
-    hand = _with_fingers(check_instance("hand", hand, Hand, "as load_hand returns it"), fingers)
+    hand = with_fingers(check_instance("hand", hand, Hand, "as load_hand returns it"), fingers)
     wanted = check_count("top", top) * _SPARE[check_choice("rank", rank, get_args(HandRank))]
     seed = check_seed("seed", seed)
     budget = check_number("budget", budget, "a time in seconds, above 0", above=0.0)
     report = check_progress("progress", progress)
-    hold = _hold_options(up_B, load_mass, friction_share, clearance, approach)
+    hold = hold_options(up_B, load_mass, friction_share, clearance, approach)
     tip_radius = max(tip.radius for tip in hand.tips)
     options = PlanOptions(
         top=top,
@@ -142,7 +136,7 @@ def plan_hand_grasps(
         edge_clearance=edge_clearance,
         avoid_directions=avoid_directions,
         exclude_faces=exclude_faces,
-        obstacles=_obstacles(object_, surroundings, tip_radius),
+        obstacles=obstacles_around(object_, surroundings, tip_radius),
         placement_error=placement_error,
         tilt_error=tilt_error,
         friction_error=friction_error,
@@ -188,57 +182,6 @@ def plan_hand_grasps(
         found.judge.work.request.settings,
         (*warnings, *unchecked(hand, made)),
     )
-
-
-def _with_fingers(hand: Hand, fingers: Iterable[Iterable[str]] | None) -> Hand:
-    """Returns the hand with the triples of tips that the user asks for."""
-    if fingers is None:
-        return hand
-    names = [tip.name for tip in hand.tips]
-    triples = set()
-    for item in check_items("fingers", fingers):
-        triple = check_items("an item of fingers", item)
-        if len(triple) != 3 or not all(name in names for name in triple) or len({*triple}) != 3:
-            raise refuse(
-                "an item of fingers", item, f"three different tips of the hand: {', '.join(names)}"
-            )
-        i, j, k = sorted(names.index(name) for name in triple)
-        triples.add((i, j, k))
-    if not triples:
-        raise UsageError("fingers is empty; name at least one triple of tips, or leave it out")
-    return replace(hand, fingers=tuple(sorted(triples)))
-
-
-def _hold_options(
-    up_B: npt.ArrayLike | None,
-    load_mass: float | None,
-    friction_share: float,
-    clearance: float,
-    approach: float,
-) -> HoldOptions:
-    """Returns the checked options of postures and torques."""
-    share = "a share of the friction, above 0 and at most 1"
-    return HoldOptions(
-        mass=None
-        if load_mass is None
-        else check_number("load_mass", load_mass, "a mass in kg, above 0", above=0.0),
-        up_B=None if up_B is None else frozen(unit_direction(up_B, "up_B")),
-        friction_share=check_number("friction_share", friction_share, share, above=0.0, most=1.0),
-        clearance=check_length("clearance", clearance),
-        approach=check_length("approach", approach),
-    )
-
-
-def _obstacles(
-    object_: GraspObject, surroundings: Surroundings | None, tip_radius: float
-) -> Obstacles | None:
-    """Returns the surroundings as what fingertips must not penetrate."""
-    if surroundings is None:
-        return None
-    source = "as surroundings_from_plant returns them"
-    check_instance("surroundings", surroundings, Surroundings, source)
-    check_same_body("surroundings", surroundings.body, object_.body)
-    return obstacles_of(surroundings, object_, object_.polyhedron.diameter + 4 * tip_radius)
 
 
 def _make_grasps(

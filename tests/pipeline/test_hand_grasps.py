@@ -12,12 +12,17 @@ from pydrake.geometry import Box, HalfSpace
 from pydrake.math import RigidTransform
 
 from drake_polygrasp import (
+    NO_ERRORS,
     GraspObject,
+    HandGrasp,
     HandPlan,
+    HandRefusal,
     Surroundings,
     UsageError,
+    hand_grasp_for,
     load_hand,
     load_object,
+    plan_grasps,
     plan_hand_grasps,
 )
 from drake_polygrasp.certification.exact import check_force_closure
@@ -187,3 +192,20 @@ def test_fingers_are_named() -> None:
         plan_hand_grasps(loaded(SIX[0]), own_hand(), fingers=[("first", "second", "thumb")])
     with pytest.raises(UsageError, match="fingers is empty"):
         plan_hand_grasps(loaded(SIX[0]), own_hand(), fingers=[])
+
+
+def test_a_grasp_that_is_there_already_is_made_or_refused() -> None:
+    object_ = loaded(SIX[0])
+    plan = plan_grasps(
+        object_, top=1, tip_radius=TIP_RADIUS, edge_clearance=0.003, effort="quick", **NO_ERRORS
+    )
+    found = hand_grasp_for(object_, plan.grasps[0], own_hand(), load_mass=MASS, budget=60.0)
+    assert isinstance(found, HandGrasp)
+    assert found.certified is plan.grasps[0]
+    judge = HandJudge(own_hand(), OWN_MODEL, CUBE)
+    judge.place(found.X_BPalm, found.q)
+    assert contact_errors(judge, found)[0] <= 5e-4
+    refused = hand_grasp_for(object_, plan.grasps[0], own_hand(), load_mass=50.0, budget=10.0)
+    assert isinstance(refused, HandRefusal)
+    assert refused.reason == "torque"
+    assert "50 kg" in refused.sentence
