@@ -46,7 +46,7 @@ from drake_polygrasp import (
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.exact import check_force_closure
 from drake_polygrasp.hands.hand_search import HandSearch, HoldOptions
-from drake_polygrasp.hands.library import hand_reach, make_reach
+from drake_polygrasp.hands.library import hand_reach
 from drake_polygrasp.hands.scene import HandScene
 from drake_polygrasp.loading.surroundings import obstacles_of
 from drake_polygrasp.plant.hand_lift import lift_with_hand
@@ -55,7 +55,8 @@ from tests.support.hand_judge import HandJudge
 
 ROOT = Path(__file__).resolve().parents[1]
 OWN = ROOT / "models" / "hands" / "three_finger" / "three_finger.hand.yaml"
-BUDGET = 10.0
+BUDGET = 30.0
+"""Time for the postures of one object [s], several times what they take on a free processor."""
 
 
 @dataclass
@@ -81,7 +82,7 @@ def main(arguments: Iterable[str] | None = None) -> int:
     packages = dict(word.split("=", 1) for word in options.package)
     hand = load_hand(options.hand, packages=packages)
     start = process_time()
-    reach = make_reach(hand)
+    reach = hand_reach(hand)  # kept, so that no object waits for it
     drawn = process_time() - start
     print(f"{hand.name}: library of {len(reach.q)} postures in {drawn:.2f} s")
     code = 0
@@ -141,7 +142,7 @@ def _measure(
         load_mass=mass,
         budget=BUDGET,
     )
-    row.seconds.append(process_time() - start - plan.seconds["library"])
+    row.seconds.append(process_time() - start)
     row.asked += 1
     if not options.skip_planner:
         row.planner += _planner_makes_one(object_, hand, surroundings, up_B, mass)
