@@ -96,7 +96,7 @@ def best_triples(
         found = join_rows(holds, found)
         if number + 1 >= len(strides) and len(found.region) >= _ENOUGH * effort.kept:
             break
-        slips = triples.take(np.setdiff1d(np.arange(len(rows)), holding))
+        slips = triples.take(np.setdiff1d(np.arange(len(rows)), holding, assume_unique=True))
         sources = join_rows(
             _first_of_sets(holds, effort.sources), _first_of_sets(slips, effort.sources)
         )
