@@ -36,7 +36,8 @@ if TYPE_CHECKING:
         PolygraspError,
         UsageError,
     )
-    from drake_polygrasp.exporters.directives import contact_poses, export_directives
+    from drake_polygrasp.exporters.directives import export_directives
+    from drake_polygrasp.exporters.poses import contact_poses
     from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
     from drake_polygrasp.files.stated_grasp import GraspFile
     from drake_polygrasp.geometry.obstacles import Obstacles
@@ -145,7 +146,8 @@ _HOMES = {
         *("BatchError", "GraspFileError", "HandError", "ModelError", "PolygraspError"),
         "UsageError",
     ),
-    "exporters.directives": ("contact_poses", "export_directives"),
+    "exporters.directives": ("export_directives",),
+    "exporters.poses": ("contact_poses",),
     "files.grasp_file": ("load_grasps", "save_grasps"),
     "files.stated_grasp": ("GraspFile",),
     "geometry.obstacles": ("Obstacles",),

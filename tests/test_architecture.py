@@ -38,7 +38,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "loading": {"geometry", "grasp"},
     "plant": {"certification", "geometry", "grasp", "hand_grasp", "hands", "loading"},
     "files": {"geometry", "grasp", "hand_grasp", "settings", "wrenches"},
-    "exporters": {"files", "grasp", "wrenches"},
+    "exporters": {"files", "grasp", "hand_grasp", "wrenches"},
     "hands": {
         *("certification", "files", "geometry", "grasp", "hand_grasp", "loading"),
         *("search", "wrenches"),

@@ -151,7 +151,11 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "contact_poses": {"grasp": off},
         "epsilon_gap": {"object_": cube, "plan": plan, "nodes": 10, "progress": None},
         "explain_sets": planned,
-        "export_directives": {"file": file, "output": folder / "out.dmd.yaml"},
+        "export_directives": {
+            "file": file,
+            "output": folder / "out.dmd.yaml",
+            "instance": None,
+        },
         "iter_batch": {"sources": (), "out": folder / "batch"},
         "lift_with_hand": {
             "object_": model("cube"),

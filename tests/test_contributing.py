@@ -44,5 +44,5 @@ def test_an_exporter_as_the_page_has_it_is_one_file_and_one_line(tmp_path: Path)
     command = [sys.executable, "-m", PACKAGE.name, "export", str(box), "--points", "box.txt"]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
-    points = [f"{stated.grasp.p_BC.tolist()}\n" for stated in load_grasps(box).grasps]
+    points = [f"box {stated.grasp.p_BC.tolist()}\n" for stated in load_grasps(box).grasps]
     assert (tmp_path / "box.txt").read_text() == "".join(points)

@@ -10,6 +10,7 @@ import io
 import sys
 from collections.abc import Callable, Sequence
 
+from drake_polygrasp._version import __version__, drake_version
 from drake_polygrasp.cli.batch import add_batch, run_batch
 from drake_polygrasp.cli.batch_results import (
     add_batch_results,
@@ -68,6 +69,9 @@ def make_parser() -> argparse.ArgumentParser:
         epilog="Exit status: 0 when all that was asked for holds, 1 when there is no certified "
         "grasp or something does not hold, 2 when the input or the usage is wrong.",
     )
+    parser.add_argument(
+        "--version", action=_PrintVersions, nargs=0, help="print the version, and Drake's, and exit"
+    )
     commands = parser.add_subparsers(metavar="COMMAND", dest="command", required=True)
     add_plan(commands)
     add_verify(commands)
@@ -78,6 +82,14 @@ def make_parser() -> argparse.ArgumentParser:
     add_batch(commands)
     add_batch_results(commands)
     return parser
+
+
+class _PrintVersions(argparse.Action):
+    """Prints the versions of this package and of Drake, which is looked up only then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(f"polygrasp {__version__}, Drake {drake_version()}")
+        parser.exit(0)
 
 
 def _joined(argv: Sequence[str]) -> list[str]:

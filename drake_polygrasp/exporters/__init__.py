@@ -2,13 +2,16 @@
 
 A format NAME is a line of `FORMATS` and a file NAME.py that defines
 
-    def export_NAME(file: GraspFile, output: Path | str) -> None
+    def export_NAME(file: GraspFile, output: Path | str, *, instance: str | None = None) -> None
 
-`polygrasp export --NAME`, the names that this room offers, its tests and this table follow.
+`polygrasp export --to NAME` and `--NAME`, the names that this room offers, its tests and this table
+follow. What a format cannot carry is said in its file.
 
 | file | what it holds |
 |---|---|
 | writing.py | `write_export`, which checks the arguments of an export and writes its text |
+| poses.py | poses of contacts, fingertips and palms: `contact_poses`, `pose_document` |
+| holding.py | how a hand holds the grasps of a file, for formats that are about hands |
 """
 
 from __future__ import annotations
@@ -17,6 +20,11 @@ from drake_polygrasp import lazy_names
 
 FORMATS: dict[str, tuple[str, str]] = {
     "directives": ("dmd.yaml", "Drake model directives that add contact and fingertip frames"),
+    "isaac_grasp": ("yaml", "postures of a hand, for NVIDIA Isaac's isaac_grasp reader"),
+    "moveit": ("yaml", "postures of a hand, as a list of MoveIt's moveit_msgs/Grasp"),
+    "contacts_jsonl": ("jsonl", "contacts as JSON Lines, one contact a line"),
+    "contacts_csv": ("csv", "contacts as comma-separated values, one contact a line"),
+    "frames_json": ("json", "poses of contacts, fingertips and palms as plain JSON"),
 }
 """Ending of the files of each format, and what it is."""
 

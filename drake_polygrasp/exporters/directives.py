@@ -1,7 +1,8 @@
 """Exports the contact and fingertip frames of a grasp file as Drake's model directives.
 
 The directives add frames to a model that is in the plant already, under the name that the grasp
-file gives it: add the model first, then these.
+file gives it or another: add the model first, then these. They carry neither friction, forces nor
+certificates, and no hand; verdicts of checks in a plant are comments.
 """
 
 from __future__ import annotations
@@ -11,42 +12,15 @@ from pathlib import Path
 
 from pydrake.common.schema import Transform
 from pydrake.common.yaml import yaml_dump_typed
-from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import AddFrame, ModelDirective, ModelDirectives
 
+from drake_polygrasp.exporters.poses import contact_poses, tip_poses
 from drake_polygrasp.exporters.writing import write_export
 from drake_polygrasp.files.stated_grasp import GraspFile
-from drake_polygrasp.grasp import AnyGrasp, Grasp, grasp_of
-from drake_polygrasp.wrenches.contacts import contact_frames
+from drake_polygrasp.grasp import Grasp
 
 
-def contact_poses(grasp: AnyGrasp) -> tuple[RigidTransform, RigidTransform, RigidTransform]:
-    """Returns the pose X_BC of each contact frame C in body frame B.
-
-    C's origin is the contact point. Cz is the inward normal, along which the fingertip pushes; Cx
-    is normal to the grasp plane, as far as Cz allows.
-
-        X_WC = [X_WB @ X_BC for X_BC in contact_poses(plan.grasps[0])]
-
-    Args:
-        grasp: three contacts, alone or with their certificate.
-
-    Returns:
-        The poses of contacts 1, 2 and 3.
-
-    Raises:
-        UsageError: when it is no grasp.
-    """
-    grasp = grasp_of(grasp)
-    frames = contact_frames(grasp.p_BC[None], grasp.nhat_TB_B[None])[0]
-    poses = [
-        RigidTransform(RotationMatrix(R_CB[[1, 2, 0]].T), p_BC)
-        for R_CB, p_BC in zip(frames, grasp.p_BC, strict=True)
-    ]
-    return poses[0], poses[1], poses[2]
-
-
-def export_directives(file: GraspFile, output: Path | str) -> None:
+def export_directives(file: GraspFile, output: Path | str, *, instance: str | None = None) -> None:
     """Writes the contact and fingertip frames of a grasp file as model directives.
 
     For the grasp of rank R (from 1) and its contact I (1 to 3) they add frame `grasp_R_contact_I`,
@@ -63,31 +37,32 @@ def export_directives(file: GraspFile, output: Path | str) -> None:
     Args:
         file: the grasp file, as `load_grasps` returns it.
         output: file of model directives to write.
+        instance: name of the model's instance in the plant; None for the one in the file.
 
     Raises:
         UsageError: when an argument has the wrong type.
         GraspFileError: when `output` cannot be written, or is the grasp file.
     """
-    write_export(file, output, _render)
+    write_export(file, output, instance, _render)
 
 
-def _render(file: GraspFile) -> str:
+def _render(file: GraspFile, instance: str) -> str:
+    body = f"{instance}::{file.object_.body_name}"
     radius = file.plan.tip_radius or 0.0
     directives = ModelDirectives(
         directives=[
             ModelDirective(add_frame=frame)
             for rank, stated in enumerate(file.grasps, start=1)
-            for frame in _grasp_frames(file, f"grasp_{rank}", stated.grasp, radius)
+            for frame in _grasp_frames(body, f"grasp_{rank}", stated.grasp, radius)
         ]
     )
     comments = "".join(_plant_comments(file))
     return f"{comments}{yaml_dump_typed(directives)}"
 
 
-def _grasp_frames(file: GraspFile, name: str, grasp: Grasp, radius: float) -> Iterator[AddFrame]:
-    body = f"{file.object_.model_name}::{file.object_.body_name}"
-    for i, X_BC in enumerate(contact_poses(grasp), start=1):
-        X_BT = X_BC.multiply(RigidTransform([0.0, 0.0, -radius]))
+def _grasp_frames(body: str, name: str, grasp: Grasp, radius: float) -> Iterator[AddFrame]:
+    poses = zip(contact_poses(grasp), tip_poses(grasp, radius), strict=True)
+    for i, (X_BC, X_BT) in enumerate(poses, start=1):
         for kind, X_BF in (("contact", X_BC), ("tip", X_BT)):
             X_PF = Transform(X_BF)
             X_PF.base_frame = body

@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_polygrasp import contact_poses, load_grasps
 from drake_polygrasp.cli.main import main
 from tests.support.common import grasp, random_contacts
-from tests.support.grasp_files import write_box
+from tests.support.grasp_files import BOX_SDF, write_box
 
 
 @pytest.fixture
@@ -54,3 +54,21 @@ def test_contact_frames_push_into_the_object() -> None:
             assert X_BC.rotation().IsValid()
             np.testing.assert_allclose(X_BC.translation(), p)
             np.testing.assert_allclose(X_BC.rotation().col(2), nhat, atol=1e-12)
+
+
+def test_frames_are_added_to_a_model_that_the_plant_renamed(box: Path) -> None:
+    output = box.parent / "box.dmd.yaml"
+    assert (
+        main(["export", str(box), "--to", "directives", "-o", str(output), "--instance", "b"]) == 0
+    )
+    plant = MultibodyPlant(0.0)
+    parser = Parser(plant)
+    parser.SetAutoRenaming(True)
+    first, second = (
+        parser.AddModelsFromString(text, "sdf")[0]
+        for text in (BOX_SDF, BOX_SDF.replace('model name="box"', 'model name="b"'))
+    )
+    ProcessModelDirectives(LoadModelDirectives(str(output)), parser)
+    plant.Finalize()
+    assert plant.HasFrameNamed("grasp_1_contact_1", second)
+    assert not plant.HasFrameNamed("grasp_1_contact_1", first)
