@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 HAND_TOP = 3
 """Grasps that `plan --hand` writes by default. Our choice."""
-_OWN = {"up": "--up", "mass": "--mass", "budget": "--budget", "seed": "--seed"}
+HAND_OPTIONS = {"up": "--up", "mass": "--mass", "budget": "--budget", "seed": "--seed"}
 """Options that need a hand, by their names in the arguments."""
-_OTHERS = {
+OTHER_OPTIONS = {
     "region_proof": "--region-proof",
     "gap": "--gap",
     "plant": "--plant",
@@ -32,7 +32,7 @@ _OTHERS = {
     "effort": "--effort",
 }
 """Options that do not go with one."""
-_TAKEN = (
+SHARED_OPTIONS = (
     *("avoid_directions", "exclude_faces", "edge_clearance"),
     *("placement_error", "tilt_error", "friction_error", "com_error"),
 )
@@ -87,12 +87,12 @@ def check_hand_options(arguments: argparse.Namespace) -> None:
         UsageError: naming the option that does not go with the others.
     """
     if arguments.hand is None:
-        for name, option in _OWN.items():
+        for name, option in HAND_OPTIONS.items():
             if getattr(arguments, name) is not None:
                 raise UsageError(f"{option} is for grasps of a hand; name one with --hand")
         return
     usual = {"plant": False, "method": "enriched", "effort": "full"}
-    for name, option in _OTHERS.items():
+    for name, option in OTHER_OPTIONS.items():
         if getattr(arguments, name) != usual.get(name):
             raise UsageError(f"{option} does not go with --hand; leave one of them out")
 
@@ -121,7 +121,9 @@ def run_hand_plan(
     from drake_polygrasp.pipeline.hand_grasps import plan_hand_grasps
 
     packages = {"package_paths": arguments.package_path, "packages": dict(arguments.packages)}
-    asked = {key: value for key, value in planning_options(arguments).items() if key in _TAKEN}
+    asked = {
+        key: value for key, value in planning_options(arguments).items() if key in SHARED_OPTIONS
+    }
     asked |= {"up_B": arguments.up, "load_mass": arguments.mass}
     asked |= {"budget": arguments.budget, "seed": arguments.seed, **packages}
     hand = load_hand(arguments.hand, **packages)

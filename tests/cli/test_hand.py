@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from drake_polygrasp.cli.main import main
+from drake_polygrasp.cli.hand_plan import HAND_OPTIONS, OTHER_OPTIONS, SHARED_OPTIONS
+from drake_polygrasp.cli.main import main, make_parser
 from tests.support.hands import CUBE, OWN_HAND
 
 
@@ -84,6 +85,7 @@ def test_a_hand_that_makes_no_grasp_says_why(
         (("--seed", "0"), "--seed is for grasps of a hand"),
         (("--hand", OWN_HAND, "--plant"), "--plant does not go with --hand"),
         (("--hand", OWN_HAND, "--tip-radius", "0"), "--tip-radius does not go with --hand"),
+        (("--hand", OWN_HAND, "--region-proof", "x.json"), "--region-proof does not go with"),
         (("--hand", OWN_HAND, "--method", "paper"), "--method does not go with --hand"),
     ],
 )
@@ -93,3 +95,14 @@ def test_options_that_do_not_go_together(
     code, out, err = called(capsys, "plan", CUBE, *options)
     assert (code, out) == (2, "")
     assert message in err
+
+
+def test_every_option_of_plan_is_used_with_a_hand_or_refused() -> None:
+    arguments = vars(make_parser().parse_args(["plan", "model.sdf"]))
+    of_the_call = {"command", "model", "hand", "top", "output", "json", "package_path", "packages"}
+    of_the_object = {"body", "joints_free", "scale", "mu", "patch_angle", "patch_depth"}
+    assert {*arguments} == of_the_call | of_the_object | {
+        *HAND_OPTIONS,
+        *OTHER_OPTIONS,
+        *SHARED_OPTIONS,
+    }
