@@ -80,7 +80,7 @@ def plan_hand_grasps(
         plan = plan_hand_grasps(load_object("models/cube/cube.sdf"), hand)
         print(plan.grasps[0].X_BPalm, plan.grasps[0].q, plan.grasps[0].torque.share)
 
-    The same input gives the same grasps, unless `budget` ends the search.
+    The same input gives the same grasps on one machine, unless `budget` ends the search.
 
     Args:
         object_: object to grasp, loaded from a file.
@@ -107,7 +107,8 @@ def plan_hand_grasps(
         tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
         friction_error: fraction by which friction coefficients may be too high, 0 to below 1.
         com_error: distance by which the centre of mass may be off, in any direction [m].
-        budget: time after which no more postures are tried [s].
+        budget: time after which no more postures are tried [s]; a second is left for them at
+            least.
         seed: seed of the random postures and triples, 0 or more.
         package_paths: folders searched for the packages of URIs in the object's model.
         packages: folders of packages by name.
@@ -238,14 +239,14 @@ def _span(reach: Reach, hand: Hand) -> Array:
     return tip_distances(reach, hand.fingers) if len(reach.q) else np.zeros(2)
 
 
-def _epsilon(grasp: HandGrasp) -> float:
-    """Returns what orders grasps by epsilon: of those that are to bear errors the least one."""
+def _epsilon(grasp: HandGrasp) -> tuple[bool, float]:
+    """Returns what orders grasps by epsilon: those that bear errors first, by the least of it."""
     region = grasp.certified.region
     if region is not None and region.epsilon_lower is not None:
-        return -region.epsilon_lower
-    return -grasp.certified.certificate.epsilon_lower
+        return False, -region.epsilon_lower
+    return region is None, -grasp.certified.certificate.epsilon_lower
 
 
-def _share(grasp: HandGrasp) -> float:
+def _share(grasp: HandGrasp) -> tuple[bool, float]:
     share = grasp.torque.share
-    return float("inf") if share is None else share
+    return share is None, share or 0.0
