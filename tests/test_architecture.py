@@ -59,7 +59,8 @@ MAY_IMPORT: dict[str, set[str]] = {
         *("pipeline", "wrenches"),
     },
     "batch": {
-        *("files", "geometry", "grasp", "loading", "pipeline", "settings", "verification"),
+        *("files", "geometry", "grasp", "hand_grasp", "hands", "loading", "pipeline", "settings"),
+        "verification",
     },
     "cli": {
         *("batch", "exporters", "files", "grasp", "hand_grasp", "hands", "loading", "optimality"),

@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Generator, Iterable
 from contextlib import suppress
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from drake_polygrasp.batch.options import BatchOptions
 from drake_polygrasp.batch.supervisor import ChildTask, Supervisor, TaskLimits
+from drake_polygrasp.errors import BatchError
 
 _BATCH = 32
 """Models that are read at once: few enough that planning starts soon. Our choice."""
@@ -81,6 +83,33 @@ def _digests(supervisor: Supervisor, models: list[str], places: dict[str, Any]) 
     if len(models) == 1:
         return [unread_digest(models[0], outcome.reason)]
     return [digest for model in models for digest in _digests(supervisor, [model], places)]
+
+
+def with_hand_read(options: BatchOptions, limits: TaskLimits) -> BatchOptions:
+    """Reads the hand of a batch, in a child process, for its digest.
+
+    Args:
+        options: what is asked for each object.
+        limits: limits of reading the hand.
+
+    Returns:
+        The options with the digest; as they are where there is no hand.
+
+    Raises:
+        BatchError: when the hand cannot be used.
+    """
+    if options.hand is None:
+        return options
+    load = options.request["load"]
+    places = {name: load[name] for name in ("package_paths", "packages")}
+    tasks = [ChildTask("", {"description": options.hand.description, **places})]
+    with Supervisor("drake_polygrasp.batch.reader:digest_hand", 1, limits) as supervisor:
+        (outcome,) = supervisor.run(lambda: tasks.pop() if tasks else None, lambda: False)
+    if outcome.ending != "answered":
+        raise BatchError(f"{options.hand.description}: {outcome.reason}; mend the hand")
+    if "error" in outcome.value:
+        raise BatchError(outcome.value["error"])
+    return replace(options, hand=replace(options.hand, sha256=outcome.value["sha256"]))
 
 
 def unread_digest(model: str, fault: str) -> str:

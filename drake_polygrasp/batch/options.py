@@ -11,9 +11,11 @@ from typing import Any
 
 from drake_polygrasp._version import __version__, drake_version
 from drake_polygrasp.arguments import (
+    check_array,
     check_flag,
     check_number,
     check_packages,
+    check_path,
     check_paths,
     check_text,
 )
@@ -21,6 +23,9 @@ from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.patches import check_tolerances
 from drake_polygrasp.loading.model_checks import MAX_FRICTION, MAX_SCALE
 from drake_polygrasp.settings import PlanOptions
+
+NOT_OF_HANDS = {"plant", "method", "effort", "rank", "tip_radius", "steps"}
+"""Options that do not go with a hand."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +79,43 @@ class LoadOptions:
         object.__setattr__(self, name, value)
 
 
+@dataclass(frozen=True, kw_only=True)
+class HandOptions:
+    """What is asked of grasps that a hand makes: arguments of `plan_hand_grasps`.
+
+    Attributes:
+        description: path of the hand's description.
+        up_B: direction against gravity, three numbers; None for every orientation.
+        load_mass: mass that the torques must hold [kg]; None for the model's.
+        budget: time after which no more postures are tried [s]; None for the default.
+        seed: seed of random postures; None for the default.
+        sha256: digest of the hand's files; empty until they are read.
+
+    Raises:
+        UsageError: when an option is not what it may be for any object.
+    """
+
+    description: str
+    up_B: Sequence[float] | None = None
+    load_mass: float | None = None
+    budget: float | None = None
+    seed: int | None = None
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        path = Path(check_path("hand", self.description)).absolute()
+        object.__setattr__(self, "description", str(path))
+        if self.up_B is not None:
+            up_B = tuple(check_array("up_B", self.up_B, (3,)).tolist())
+            object.__setattr__(self, "up_B", up_B)
+        for name, demand in (("load_mass", "a mass above 0 kg"), ("budget", "a time above 0 s")):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, check_number(name, value, demand, above=0.0))
+        if self.seed is not None:
+            seed = check_number("seed", self.seed, "a whole number, 0 or more", least=0.0)
+            object.__setattr__(self, "seed", int(seed))
+
+
 @dataclass(frozen=True)
 class BatchOptions:
     """What is asked for each object of a batch.
@@ -82,11 +124,13 @@ class BatchOptions:
         load: how its model is read.
         plan: what is planned.
         plant: whether grasps are also checked in a plant, and those that fail come last.
+        hand: what is asked of a hand; None for grasps of three fingertips alone.
     """
 
     load: LoadOptions = field(default_factory=LoadOptions)
     plan: PlanOptions = field(default_factory=PlanOptions)
     plant: bool = False
+    hand: HandOptions | None = None
 
     @property
     def request(self) -> dict[str, Any]:
@@ -99,17 +143,20 @@ class BatchOptions:
                 if (value := getattr(self.plan, f.name)) != f.default
             },
             "plant": self.plant,
+            "hand": None if self.hand is None else asdict(self.hand),
         }
 
     @cached_property
     def identity(self) -> str:
         """What decides the result beside the model's files, as text.
 
-        Where packages are is left out: what they hold belongs to the model's files.
+        Where packages and the hand are is left out: what they hold belongs to the files.
         """
         asked = self.request
         for place in ("package_paths", "packages"):
             del asked["load"][place]
+        if self.hand is not None:
+            del asked["hand"]["description"]
         versions = {"drake_polygrasp": __version__, "drake": drake_version()}
         return json.dumps({**asked, "versions": versions}, sort_keys=True)
 
@@ -118,7 +165,8 @@ def make_batch_options(asked: Mapping[str, Any]) -> BatchOptions:
     """Sorts the keyword arguments of a batch into those of loading and of planning.
 
     Args:
-        asked: options by the names that `load_object` and `plan_grasps` have for them, and `plant`.
+        asked: options by the names that `load_object`, `plan_grasps` and `plan_hand_grasps` have
+            for them, `plant`, and `hand`, the path of a hand's description.
 
     Returns:
         The options, valid for some object.
@@ -128,13 +176,24 @@ def make_batch_options(asked: Mapping[str, Any]) -> BatchOptions:
     """
     of_load = {f.name for f in fields(LoadOptions)}
     of_plan = {f.name for f in fields(PlanOptions)} - {"obstacles"}
+    of_hand = {f.name for f in fields(HandOptions)} - {"description", "sha256"}
+    known = of_load | of_plan | of_hand | {"hand", "plant"}
     for name in asked:
-        if name not in of_load | of_plan | {"plant"}:
-            raise UsageError(
-                f"a batch has no option {name!r}; it has {', '.join(sorted(of_load | of_plan))}"
-            )
+        if name not in known:
+            raise UsageError(f"a batch has no option {name!r}; it has {', '.join(sorted(known))}")
+    hand = asked.get("hand")
+    given = {name for name, value in asked.items() if value is not None and value is not False}
+    if hand is None and (lone := sorted(given & of_hand)):
+        raise UsageError(f"{lone[0]} is for grasps of a hand; name one with hand")
+    if hand is not None and (others := sorted(given & NOT_OF_HANDS)):
+        raise UsageError(f"{others[0]} does not go with hand; leave one of them out")
     return BatchOptions(
         LoadOptions(**{name: value for name, value in asked.items() if name in of_load}),
         PlanOptions(**{name: value for name, value in asked.items() if name in of_plan}),
         check_flag("plant", asked.get("plant", False)),
+        None
+        if hand is None
+        else HandOptions(
+            description=hand, **{name: value for name, value in asked.items() if name in of_hand}
+        ),
     )

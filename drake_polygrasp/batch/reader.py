@@ -30,3 +30,25 @@ def _digest(model: str, package_paths: Sequence[str], packages: Mapping[str, str
         return model_digest(model, package_paths, packages)
     except (PolygraspError, OSError, RecursionError) as error:
         return unread_digest(model, str(error))
+
+
+def digest_hand(
+    *, description: str, package_paths: Sequence[str], packages: Mapping[str, str]
+) -> dict[str, str]:
+    """Computes the digest of a hand's files.
+
+    Args:
+        description: path of the hand's description.
+        package_paths: folders searched for packages.
+        packages: folders of packages by name.
+
+    Returns:
+        `sha256`, or `error` with what is wrong with the hand.
+    """
+    from drake_polygrasp.hands.model import load_hand
+
+    try:
+        hand = load_hand(description, package_paths=package_paths, packages=packages)
+    except PolygraspError as error:
+        return {"error": str(error)}
+    return {"sha256": hand.sha256 or ""}

@@ -55,7 +55,21 @@ def connect_to_rows(path: Path) -> sqlite3.Connection:
         connection.close()
         uri = f"{_uri(path)}&immutable=1"
         connection = sqlite3.connect(uri, uri=True, check_same_thread=False)
+        connection.execute("SELECT 1 FROM results LIMIT 1").fetchone()
     return connection
+
+
+def has_rows(path: Path) -> bool:
+    """Returns whether a file of rows can be read; that of a driver which just starts cannot yet.
+
+    Args:
+        path: the file.
+    """
+    try:
+        connect_to_rows(path).close()
+    except sqlite3.Error:
+        return False
+    return True
 
 
 @contextmanager
@@ -87,7 +101,7 @@ def _gather(files: list[Path]) -> sqlite3.Connection:
     """Copies the rows of several files to a temporary one; what was written last counts."""
     rows = sqlite3.connect("", isolation_level=None, uri=True)
     rows.executescript(TABLES)
-    for path in sorted(files, key=lambda file: file.stat().st_mtime):
+    for path in sorted(filter(has_rows, files), key=lambda file: file.stat().st_mtime):
         rows.execute("ATTACH ? AS file", (_uri(path),))
         rows.execute("BEGIN")
         for table in ("results", "facts"):

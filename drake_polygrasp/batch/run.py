@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_polygrasp.batch.engines import ChunkContext, default_workers, run_here, run_on_executor
-from drake_polygrasp.batch.keys import body_key, in_shard, model_key, read_contents
+from drake_polygrasp.batch.keys import body_key, in_shard, model_key, read_contents, with_hand_read
 from drake_polygrasp.batch.outputs import is_remote, open_output, remove_scratch, state_folder
 from drake_polygrasp.batch.request import BatchRequest, make_batch_request
 from drake_polygrasp.batch.rows import BatchRow
@@ -82,8 +82,9 @@ def plan_batch(
         retry: statuses of results that are made again: "crash", "timeout".
         limit: how many objects are planned at most (default: all).
         plan_options: arguments of `load_object` and `plan_grasps`, for every object; `plant=True`
-            also checks grasps as `rank_in_plant` does. Without `body_name`, each body of a model is
-            an object.
+            also checks grasps as `rank_in_plant` does; `hand`, the path of a hand's description,
+            plans grasps that it can make, with arguments of `plan_hand_grasps`. Without
+            `body_name`, each body of a model is an object.
 
     Returns:
         How many objects have which result.
@@ -208,7 +209,8 @@ class BatchRun:
         try:
             self.num_sources = sum(1 for _ in find_models(request.sources, self._warn))
             models = find_models(request.sources, lambda _: None)
-            contents = read_contents(models, request.options, request.limits)
+            self._options = with_hand_read(request.options, request.limits)
+            contents = read_contents(models, self._options, request.limits)
             shard = f"{index}-of-{count}" if count > 1 else ""
             with Store(folder, shard) as self._store, closing(contents) as self._contents:
                 self._output = open_output(request.out)
@@ -267,7 +269,7 @@ class BatchRun:
         """Returns the next object that the sources name and that is of this shard."""
         if self._more:
             return self._more.popleft()
-        options = self.request.options
+        options = self._options
         for source, digest in self._contents:
             key = model_key(digest, options)
             if not in_shard(key, *self.request.shard):
@@ -285,7 +287,7 @@ class BatchRun:
 
     def _request(self, object_: _Object) -> dict[str, Any]:
         """Returns what a worker is asked for an object."""
-        request = self.request.options.request
+        request = self._options.request
         if object_.body:
             request["load"]["body_name"] = object_.body
         return {

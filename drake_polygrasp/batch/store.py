@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from drake_polygrasp.batch.driver_lock import DriverLock
-from drake_polygrasp.batch.reading import TABLES, connect_to_rows, row_files
+from drake_polygrasp.batch.reading import TABLES, connect_to_rows, has_rows, row_files
 from drake_polygrasp.batch.rows import BatchRow
 from drake_polygrasp.errors import BatchError
 
@@ -69,7 +69,8 @@ class Store:
         self._rows.executescript(TABLES)
         asked = "SELECT coalesce(max(run), 0) + 1 FROM objects"
         self._run = self._rows.execute(asked).fetchone()[0]
-        self._others = [connect_to_rows(path) for path in row_files(self._folder) if path != own]
+        others = [path for path in row_files(self._folder) if path != own and has_rows(path)]
+        self._others = [connect_to_rows(path) for path in others]
 
     def status_of(self, key: str) -> str | None:
         """Returns the status of a key's result, of this driver or another; None where none is.

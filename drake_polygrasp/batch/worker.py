@@ -7,18 +7,21 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 from drake_polygrasp._version import __version__, drake_version
 from drake_polygrasp.errors import PolygraspError, SeveralBodiesError
 from drake_polygrasp.files.grasp_file import grasp_file_text, load_grasps
-from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+from drake_polygrasp.hand_grasp import HandGrasp
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.pipeline.plan import GraspPlan, plan_grasps
 from drake_polygrasp.pipeline.plant_ranking import rank_in_plant
-from drake_polygrasp.settings import Steps
+from drake_polygrasp.settings import PlanSettings, Steps
 from drake_polygrasp.verification.verify import verify_file
 
+_TOP = 10
+"""The default of `plan_grasps`."""
 _MAX_PLANT_CHECKS = 2
 """Grasps that are checked in a plant at most, per grasp wanted, as `polygrasp plan` does."""
 
@@ -31,6 +34,7 @@ def plan_model(
     load: dict[str, Any],
     plan: dict[str, Any],
     plant: bool,
+    hand: dict[str, Any] | None = None,
     file: str | None = None,
     text: str | None = None,
 ) -> dict[str, Any]:
@@ -43,6 +47,8 @@ def plan_model(
         load: keyword arguments of `load_object`.
         plan: keyword arguments of `plan_grasps`, which need not be given in full.
         plant: whether grasps are also checked in a plant.
+        hand: the hand's `description` and keyword arguments of `plan_hand_grasps`; None for grasps
+            of three fingertips alone.
         file: path of a grasp file of it that has no row yet; it is adopted if all that it states
             holds.
         text: the text of such a file, where it is not on this machine.
@@ -58,7 +64,10 @@ def plan_model(
     try:
         object_ = load_object(model, **load)
         loaded = perf_counter()
-        found = _plan(object_, plan, plant, load)
+        if hand is None:
+            found = _plan(object_, plan, plant, load)
+        else:
+            found = _plan_hand(object_, plan, hand, load)
     except SeveralBodiesError as error:
         if load["body_name"] is None:
             return {"bodies": error.bodies}
@@ -71,36 +80,68 @@ def plan_model(
         "num_faces": len(object_.polyhedron.faces),
         "num_sets": found.num_sets,
         "load_seconds": loaded - start,
-        "plan_seconds": found.seconds["plan"],
-        "certify_seconds": found.seconds["certify"],
+        "plan_seconds": found.plan_seconds,
+        "certify_seconds": found.certify_seconds,
     }
     if not found.grasps:
-        return row | {"reason": _no_grasp_reason(found)}
-    best = found.grasps[0].certificate
+        return row | {"reason": found.reason}
+    best = found.grasps[0]
+    certificate = (best.certified if isinstance(best, HandGrasp) else best).certificate
     settings = replace(found.settings, mu=load["mu"])
     return row | {
         "text": grasp_file_text(Path(folder), object_, found.grasps, settings),
         "num_grasps": len(found.grasps),
-        "epsilon": best.epsilon_lower,
-        "margin": best.margin,
+        "epsilon": certificate.epsilon_lower,
+        "margin": certificate.margin,
     }
 
 
-def _plan(
-    object_: GraspObject, asked: dict[str, Any], plant: bool, load: dict[str, Any]
-) -> GraspPlan:
+class _Found(NamedTuple):
+    """What planning found, with a hand or without."""
+
+    grasps: tuple[CertifiedGrasp, ...] | tuple[HandGrasp, ...]
+    settings: PlanSettings
+    num_sets: int | None
+    plan_seconds: float
+    certify_seconds: float | None
+    reason: str
+
+
+def _plan(object_: GraspObject, asked: dict[str, Any], plant: bool, load: dict[str, Any]) -> _Found:
     """Plans, and ranks by verdicts in a plant where that is asked for."""
     options = dict(asked)
     if "steps" in options:
         options["steps"] = Steps(**options["steps"])
-    if not plant:
-        return plan_grasps(object_, **options)
-    top = options.pop("top", 10)
-    found = plan_grasps(object_, top=_MAX_PLANT_CHECKS * top, **options)
-    if not found.grasps:
-        return found
-    places = {name: load[name] for name in ("package_paths", "packages")}
-    return rank_in_plant(object_, found, top=top, **places)
+    top = options.pop("top", _TOP)
+    found = plan_grasps(object_, top=_MAX_PLANT_CHECKS * top if plant else top, **options)
+    if plant and found.grasps:
+        found = rank_in_plant(object_, found, top=top, **_places(load))
+    seconds, reason = found.seconds, "" if found.grasps else _no_grasp_reason(found)
+    return _Found(
+        found.grasps, found.settings, found.num_sets, seconds["plan"], seconds["certify"], reason
+    )
+
+
+def _plan_hand(
+    object_: GraspObject, asked: dict[str, Any], hand: dict[str, Any], load: dict[str, Any]
+) -> _Found:
+    """Plans grasps that a hand can make."""
+    from drake_polygrasp.hands.model import load_hand
+    from drake_polygrasp.pipeline.hand_grasps import plan_hand_grasps
+
+    places = _places(load)
+    given = {name: value for name, value in (asked | hand).items() if value is not None}
+    description, _ = given.pop("description"), given.pop("sha256")
+    start = perf_counter()
+    plan = plan_hand_grasps(object_, load_hand(description, **places), **given, **places)
+    words = "; ".join(plan.sentences.values())
+    reason = f"no grasp that the hand can make; {plan.tried} of {plan.candidates} candidates tried"
+    reason = "" if plan.grasps else f"{reason}: {words}"
+    return _Found(plan.grasps, plan.settings, None, perf_counter() - start, None, reason)
+
+
+def _places(load: dict[str, Any]) -> dict[str, Any]:
+    return {name: load[name] for name in ("package_paths", "packages")}
 
 
 def _no_grasp_reason(found: GraspPlan) -> str:
@@ -122,10 +163,9 @@ def _adopt(file: str | None, text: str | None, load: dict[str, Any]) -> dict[str
             copy.write(text or "")
             copy.flush()
             return _adopt(copy.name, None, load)
-    places = {name: load[name] for name in ("package_paths", "packages")}
     try:
         stated = load_grasps(file)
-        report = verify_file(file, **places)
+        report = verify_file(file, **_places(load))
     except PolygraspError:
         return None
     written = {"drake_polygrasp": __version__, "drake": drake_version()}

@@ -12,8 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.cli.batch_table import duration, report_lines
 from drake_polygrasp.cli.calls import load_options, planning_options
+from drake_polygrasp.cli.hand_plan import (
+    HAND_TOP,
+    SHARED_OPTIONS,
+    add_hand_options,
+    check_hand_options,
+)
 from drake_polygrasp.cli.options import add_command, add_common_options, add_planning_options
-from drake_polygrasp.cli.plan import add_choice_options
+from drake_polygrasp.cli.plan import DEFAULT_TOP, add_choice_options
 from drake_polygrasp.cli.progress_line import ProgressLine
 from drake_polygrasp.cli.reporting import (
     DONE,
@@ -115,6 +121,8 @@ def add_batch(commands: Any) -> None:
     )
     add_planning_options(parser)
     add_choice_options(parser)
+    parser.set_defaults(top=None)
+    add_hand_options(parser)
     add_common_options(parser)
 
 
@@ -132,6 +140,7 @@ def run_batch(arguments: argparse.Namespace) -> tuple[int, str]:
         BatchError: when results cannot be written, another driver writes there, or a cluster is
             lost.
     """
+    check_hand_options(arguments)
     from drake_polygrasp.batch.dask_cluster import dask_executor
     from drake_polygrasp.batch.request import make_batch_request
     from drake_polygrasp.batch.run import BatchRun
@@ -151,10 +160,9 @@ def run_batch(arguments: argparse.Namespace) -> tuple[int, str]:
             shard=arguments.shard,
             retry=arguments.retry,
             limit=arguments.limit,
-            plant=arguments.plant,
             **engine,
             **load_options(arguments),
-            **planning_options(arguments),
+            **_asked(arguments),
         )
         line = stack.enter_context(ProgressLine("batch", quiet=arguments.json))
         stop = stack.enter_context(_stopping(line))
@@ -167,6 +175,17 @@ def run_batch(arguments: argparse.Namespace) -> tuple[int, str]:
     if arguments.json:
         return code, as_json(asdict(report))
     return code, "\n".join(report_lines(report))
+
+
+def _asked(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Returns the options of planning, with a hand or without."""
+    asked = planning_options(arguments)
+    asked["top"] = arguments.top or (DEFAULT_TOP if arguments.hand is None else HAND_TOP)
+    if arguments.hand is None:
+        return asked | {"plant": arguments.plant}
+    own = {"up_B": arguments.up, "load_mass": arguments.mass}
+    own |= {"budget": arguments.budget, "seed": arguments.seed, "hand": arguments.hand}
+    return {name: asked[name] for name in (*SHARED_OPTIONS, "top")} | own
 
 
 def _exit_code(arguments: argparse.Namespace, report: BatchReport, run: BatchRun) -> int:

@@ -93,7 +93,7 @@ def check_hand_options(arguments: argparse.Namespace) -> None:
         return
     usual = {"plant": False, "method": "enriched", "effort": "full"}
     for name, option in OTHER_OPTIONS.items():
-        if getattr(arguments, name) != usual.get(name):
+        if getattr(arguments, name, usual.get(name)) != usual.get(name):
             raise UsageError(f"{option} does not go with --hand; leave one of them out")
 
 

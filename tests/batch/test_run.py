@@ -223,6 +223,14 @@ def test_one_driver_in_all_or_one_for_each_shard(tmp_path: Path) -> None:
         assert json.loads((tmp_path / "driver.lock").read_text())["pid"] == os.getpid()
 
 
+def test_rows_of_a_driver_that_just_starts_hinder_no_other(copy: Path) -> None:
+    for name in ("results-1-of-2.sqlite", "results-2-of-2.sqlite"):
+        sqlite3.connect(copy / "out" / name).close()
+        (copy / "out" / name).touch()
+    assert again(copy) == []
+    assert read_status(copy / "out").num_objects == 8
+
+
 def test_a_place_that_cannot_be_written_is_one_line(planned: Path, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.touch()

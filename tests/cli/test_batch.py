@@ -20,6 +20,8 @@ from drake_polygrasp.cli.main import main
 from tests.support.batches import QUICK_OPTIONS, files_of, prism_file, rows_of, two_bodies
 
 ROOT = Path(__file__).parents[2]
+MODELS = ROOT / "models"
+HAND = "hands/three_finger/three_finger.hand.yaml"
 
 
 def command(*arguments: str) -> list[str]:
@@ -84,6 +86,15 @@ def test_options_of_plan_pass_through(planned: Path, monkeypatch: pytest.MonkeyP
     assert b"simulation" in text
 
 
+def test_a_hand_s_grasps_are_those_of_plan(planned: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(planned)
+    asked = f"{MODELS}/cube/cube.sdf --top 1 --up 0 0 1 --hand {MODELS}/{HAND}"
+    assert main(["batch", *asked.split(), "--out", "held"]) == 0
+    (text,) = files_of(planned / "held").values()
+    assert main(["plan", *asked.split(), "-o", "held/grasps/alone.yaml"]) == 0
+    assert (planned / "held" / "grasps" / "alone.yaml").read_bytes() == text
+
+
 def test_status_says_what_there_is(planned: Path) -> None:
     done = run("status", "out", folder=planned)
     assert done.returncode == 0
@@ -123,6 +134,9 @@ def test_each_body_of_a_model_is_an_object(tmp_path: Path) -> None:
         ("parts --out gs://bucket/x", "gs:// needs gcsfs: pip install 'drake_polygrasp[gcs]'"),
         ("status parts", "parts: has no results of a batch; name the --out of one"),
         ("export parts --parquet x", "parts: has no results of a batch"),
+        ("parts --out new --hand nowhere.yaml", "nowhere.yaml: there is no such hand file"),
+        ("parts --out new --hand x --plant", "--plant does not go with --hand"),
+        ("parts --out new --mass 3", "--mass is for grasps of a hand; name one with --hand"),
         ("parts --out new --scheduler tcp://127.0.0.1:1", ": "),
     ],
 )
