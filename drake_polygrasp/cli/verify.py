@@ -45,7 +45,7 @@ def add_verify(commands: Any) -> None:
         metavar="DIRECTIVES",
         type=Path,
         help="with --plant: model directives of a scene with the object and other bodies, which "
-        "no fingertip may penetrate (default: the object alone)",
+        "neither fingertips nor the hand may penetrate (default: the object alone)",
     )
     parser.add_argument(
         "--misses",

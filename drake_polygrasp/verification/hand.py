@@ -30,6 +30,7 @@ from drake_polygrasp.hands.measured_posture import (
 from drake_polygrasp.hands.model import load_hand
 from drake_polygrasp.hands.scene import Fingers, HandScene
 from drake_polygrasp.hands.torque import HandForces, Load
+from drake_polygrasp.loading.surroundings import Surroundings
 from drake_polygrasp.verification.report import CheckResult, Status
 
 MOST_TIP_ERROR = 5e-4
@@ -51,6 +52,7 @@ class HandCheck:
         self,
         source: HandSource,
         object_: GraspObject,
+        surroundings: Surroundings | None = None,
         package_paths: Sequence[Path | str] = (),
         packages: Mapping[str, str | Path] | None = None,
     ) -> None:
@@ -59,6 +61,7 @@ class HandCheck:
         Args:
             source: the hand that the file names.
             object_: the object that is grasped.
+            surroundings: other bodies of its scene (default: unknown).
             package_paths: folders searched for the packages of package:// URIs.
             packages: folders of packages by name.
         """
@@ -77,7 +80,13 @@ class HandCheck:
         if fault is not None:
             self._line = CheckResult(Status.FAILED, fault)
             return
-        self._scene = HandScene(hand, object_, package_paths=package_paths, packages=packages)
+        self._scene = HandScene(
+            hand,
+            object_,
+            surroundings=surroundings,
+            package_paths=package_paths,
+            packages=packages,
+        )
 
     def check(self, stated: StatedGrasp) -> CheckResult:
         """Checks how the hand holds a grasp.
@@ -98,7 +107,8 @@ class HandCheck:
             fault = f"Drake cannot measure this posture: {error}"
         if fault is not None:
             return CheckResult(Status.FAILED, fault)
-        return CheckResult(Status.RECOMPUTED, "; ".join(self._remarks(placement)))
+        remarks = self._remarks(self._scene, placement)
+        return CheckResult(Status.RECOMPUTED, "; ".join(remarks))
 
     def verdicts(self, stated: StatedGrasp) -> Iterator[PlantVerdict]:
         """Yields the verdict "hand" of a simulated lift, if there is a hand whose model is there.
@@ -141,10 +151,11 @@ class HandCheck:
         yield from _torque_violations(scene, grasp, placement.torque, posture)
         yield from _way_violations(scene, grasp, placement, posture, q_before)
 
-    def _remarks(self, placement: HandPlacement) -> Iterator[str]:
+    def _remarks(self, scene: HandScene, placement: HandPlacement) -> Iterator[str]:
         """Yields what was not checked."""
-        if placement.surroundings:
-            names = ", ".join(placement.surroundings)
+        unknown = [name for name in placement.surroundings if name not in scene.surroundings]
+        if unknown:
+            names = ", ".join(unknown)
             yield f"clearance from {names} is not checked, as the file does not hold it"
         torque, mass = placement.torque, self._object.mass
         if torque.share is None:
@@ -217,7 +228,7 @@ def _posture_violations(hand: Hand, placement: HandPlacement, posture: Posture) 
         yield f"tip_angle is {placement.tip_angle:.3g}, less than the {posture.tip_angle:.3g} found"
     if not posture.clearance > 0 or not placement.clearance > 0:
         least = min(posture.clearance, placement.clearance)
-        yield f"the hand overlaps the object or itself by {-1000 * least:.3g} mm"
+        yield f"the hand overlaps the object, itself or what is around by {-1000 * least:.3g} mm"
     if not placement.clearance <= posture.clearance + _DISTANCE:
         yield f"clearance is {placement.clearance:.3g}, more than the {posture.clearance:.3g} found"
     if not posture.tip_link_clearance >= -_DISTANCE:
@@ -294,7 +305,7 @@ def _way_violations(
     if not closes_freely(scene, fingers, X_BPalm, q_before, posture.q):
         yield "the hand overlaps something while its fingers close"
     if not way_is_free(scene, fingers, X_BPalm, q_before, before.direction_B, before.distance):
-        yield "the hand overlaps the object on its straight way"
+        yield "the hand overlaps something on its straight way"
     context = scene.context(fingers)
     scene.place(context, X_BPalm, q_before)
     p_BT, _ = scene.tips(context, fingers)

@@ -94,7 +94,7 @@ def verify_file(
         plant: whether to check each grasp whose other checks hold in a MultibodyPlant too, like
             `certify_in_plant`.
         scene: for `plant`: model directives with the object and other bodies, which no fingertip
-            may penetrate at their default poses; see `load_surroundings`.
+            and no hand may penetrate at their default poses; see `load_surroundings`.
         misses: for `plant`: how many misses to simulate of each grasp, drawn within the errors that
             its `region` states (default: none).
         progress: called with the number of grasps that are checked and the number of all.
@@ -123,7 +123,8 @@ def verify_file(
         raise UsageError("misses are simulated in the plant: add plant=True")
     file = load_grasps(path)
     model, avoided = _find_model(file, package_paths, packages), file.plan.exclusion
-    hand = _hand_check(file, model, package_paths, packages)
+    around = _surroundings(scene, model.object_, file, package_paths, packages)
+    hand = _hand_check(file, model, package_paths, packages, around)
     # A file may state numbers of any size; every comparison below fails if one overflows.
     with np.errstate(all="ignore"):
         grasps: list[GraspVerification] = []
@@ -131,7 +132,6 @@ def verify_file(
             tell(len(grasps), len(file.grasps))
             grasps.append(_verify_grasp(stated, file.object_, model, avoided, hand))
     if plant and model.object_ is not None:
-        around = _surroundings(scene, model.object_, file, package_paths, packages)
         for i, stated in enumerate(file.grasps):
             tell(i, len(file.grasps))
             grasps[i] = _with_plant(
@@ -150,6 +150,7 @@ def _hand_check(
     model: _Model,
     package_paths: Sequence[Path | str],
     packages: Mapping[str, str | Path] | None,
+    surroundings: Surroundings | None,
 ) -> HandCheck | None:
     """Returns the check of the file's hand, if there are a hand and an object to hold."""
     if file.hand is None or model.object_ is None:
@@ -157,7 +158,7 @@ def _hand_check(
     # Kinematics and solvers are loaded only for files with a hand.
     from drake_polygrasp.verification.hand import HandCheck
 
-    return HandCheck(file.hand, model.object_, package_paths, packages)
+    return HandCheck(file.hand, model.object_, surroundings, package_paths, packages)
 
 
 def _verify_grasp(
@@ -185,12 +186,12 @@ def _verify_grasp(
 
 def _surroundings(
     scene: Path | str | None,
-    object_: GraspObject,
+    object_: GraspObject | None,
     file: GraspFile,
     package_paths: Sequence[Path | str],
     packages: Mapping[str, str | Path] | None,
 ) -> Surroundings | None:
-    if scene is None:
+    if scene is None or object_ is None:
         return None
     from drake_polygrasp.loading.surroundings import load_surroundings
 

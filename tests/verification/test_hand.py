@@ -225,6 +225,40 @@ def test_what_was_around_is_said_not_to_be_checked(file: Path) -> None:
     assert "clearance from table, mug is not checked" in line.reason
 
 
+def write_scene(folder: Path, height: float) -> Path:
+    """Directives with the cube and a table whose top is at a height in its frame."""
+    (folder / "table.sdf").write_text(
+        """<sdf version="1.9"><model name="table"><link name="table"><collision name="table">
+        <geometry><box><size>1 1 0.02</size></box></geometry></collision></link></model></sdf>"""
+    )
+    scene = folder / "scene.dmd.yaml"
+    scene.write_text(
+        f"""directives:
+- add_model: {{name: cube, file: file://{folder / CUBE.name}}}
+- add_model: {{name: table, file: file://{folder / "table.sdf"}}}
+- add_weld:
+    parent: world
+    child: table::table
+    X_PC: {{translation: [0, 0, {height - 0.01}]}}
+"""
+    )
+    return scene
+
+
+def test_a_scene_is_checked_too_where_it_is_given(file: Path) -> None:
+    document = yaml.safe_load(file.read_text())
+    document["grasps"] = document["grasps"][:1]
+    first_hand(document)["surroundings"] = ["table::table"]
+    file.write_text(yaml.safe_dump(document, sort_keys=False))
+    far = hand_lines(verify_file(file, plant=True, scene=write_scene(file.parent, -1.0)))[0]
+    assert far.status is Status.RECOMPUTED
+    assert "table" not in far.reason
+    # This grasp was planned in the air, and its fingers reach below the cube.
+    near = hand_lines(verify_file(file, plant=True, scene=write_scene(file.parent, -0.03)))[0]
+    assert near.status is Status.FAILED
+    assert re.search("overlaps|clearance", near.reason)
+
+
 def test_verifying_a_hand_loads_no_planner(file: Path) -> None:
     code = f"from drake_polygrasp.verification.verify import verify_file as v; v({str(file)!r})"
     loaded, result = loaded_by("-c", code)
