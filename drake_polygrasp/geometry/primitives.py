@@ -95,6 +95,18 @@ class Primitive:
         outside = np.linalg.norm(np.maximum(beyond, 0), axis=1)
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0))
 
+    def nearest_outside(self, p_B: Array) -> Array:
+        """Returns the points of an ellipsoid that are nearest to points outside it.
+
+        Args:
+            p_B: points outside an ellipsoid [m], shape (M, 3).
+
+        Returns:
+            [m], shape (M, 3).
+        """
+        p_G = times(p_B - self.p_BG, self.R_BG)
+        return self.p_BG + times(self._nearest_on_ellipsoid(p_G), self.R_BG.T)
+
     def depths(self, p_B: Array, direction_B: Array) -> Array:
         """Computes how far points can move along a direction until they enter the solid.
 
@@ -218,20 +230,24 @@ class Primitive:
         return np.asarray(z[:, None] * [0.0, 0.0, 1.0])
 
     def _distance_from_ellipsoid(self, p_G: Array) -> Array:
-        """Returns the signed distances of points from an ellipsoid (Eberly).
+        """Returns signed distances of points from an ellipsoid; inside only the sign is exact."""
+        level = np.linalg.norm(p_G / self.radii, axis=1)
+        gap = p_G - self._nearest_on_ellipsoid(p_G)
+        inside = (level - 1) * self.radii.min()
+        return np.asarray(np.where(level > 1, np.linalg.norm(gap, axis=1), inside))
 
-        The nearest point is a^2 p / (a^2 + t), with t >= 0 found by bisection.
+    def _nearest_on_ellipsoid(self, p_G: Array) -> Array:
+        """Returns the nearest points of an ellipsoid to points outside it (Eberly).
+
+        They are a^2 p / (a^2 + t), with t >= 0 found by bisection.
         """
         square = self.radii**2
-        level = np.linalg.norm(p_G / self.radii, axis=1)
         low, high = np.zeros(len(p_G)), np.linalg.norm(p_G * self.radii, axis=1)
         for _ in range(_ROUNDS):
             t = (low + high) / 2
             outside = np.linalg.norm(self.radii * p_G / (square + t[:, None]), axis=1) > 1
             low, high = np.where(outside, t, low), np.where(outside, high, t)
-        gap = p_G - square * p_G / (square + high[:, None])
-        inside = (level - 1) * self.radii.min()
-        return np.asarray(np.where(level > 1, np.linalg.norm(gap, axis=1), inside))
+        return np.asarray(square * p_G / (square + high[:, None]))
 
 
 def _entry(points: Array, along: Array, radius: float) -> Array:

@@ -17,7 +17,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from pydrake.geometry import Ellipsoid
 from pydrake.multibody.tree import SpatialInertia
 
 from drake_polygrasp.arrays import Array, frozen
@@ -63,10 +62,6 @@ def check_misses(
     """
     if region.squeeze_force is None:
         reason = "not run: no squeeze is certified to hold the weight under the errors"
-        return PlantVerdict("misses", Verdict.UNDECIDED, None, "1", reason)
-    if any(isinstance(shape, Ellipsoid) for shape, _ in scene.solid.parts):
-        # They are off by a thousandth of the size, and beside the surface point the wrong way.
-        reason = "not run: Drake's distances to ellipsoids are too rough to place misses"
         return PlantVerdict("misses", Verdict.UNDECIDED, None, "1", reason)
     surface = SurfaceDistance(scene.solid.parts)
     verdicts = [

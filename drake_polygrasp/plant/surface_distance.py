@@ -3,7 +3,8 @@
 Drake measures to the true surface of every shape, not to its convex hull. But it rejects a mesh in
 which two triangles meet at a very sharp edge (a thin wedge, a needle, a burr): it takes the sign
 from the sum of their normals, which is almost zero. For such a shape, we measure to the triangles
-that Drake has of it and take the sign from their winding number.
+that Drake has of it and take the sign from their winding number. Drake's distances to an ellipsoid
+are off by a thousandth of its size, so we find its nearest point ourselves.
 """
 
 from __future__ import annotations
@@ -12,7 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.geometry import GeometryInstance, ProximityProperties, QueryObject, SceneGraph, Shape
+from pydrake.geometry import (
+    Ellipsoid,
+    GeometryInstance,
+    ProximityProperties,
+    QueryObject,
+    SceneGraph,
+    Shape,
+)
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
@@ -48,7 +56,10 @@ class SurfaceDistance:
         Raises:
             RuntimeError: when Drake rejects a shape; SystemExit when one of its assertions fails.
         """
-        self._parts = [_Part(shape, X_BG) for shape, X_BG in parts]
+        self._parts = [
+            _EllipsoidPart(shape, X_BG) if isinstance(shape, Ellipsoid) else _Part(shape, X_BG)
+            for shape, X_BG in parts
+        ]
 
     def nearest(self, p_BQ: Array) -> Nearest:
         """Returns the nearest point of the surface.
@@ -65,6 +76,23 @@ class SurfaceDistance:
     def refusal(self) -> str:
         """Why Drake could not measure a distance so far; empty if it measured all."""
         return next((part.refusal for part in self._parts if part.refusal), "")
+
+
+class _EllipsoidPart:
+    """An ellipsoid. From inside only the sign is exact, and the point found is not the nearest."""
+
+    refusal = ""
+
+    def __init__(self, shape: Ellipsoid, X_BG: RigidTransform) -> None:
+        part = part_of(shape, X_BG, mu=1.0)
+        assert part is not None and part.primitive is not None
+        self._solid = part.primitive
+
+    def nearest(self, p_BQ: Array) -> Nearest:
+        distance = float(self._solid.distance(p_BQ[None])[0])
+        if distance > 0:
+            return Nearest(distance, self._solid.nearest_outside(p_BQ[None])[0])
+        return Nearest(distance, self._solid.project(p_BQ[None])[0][0])
 
 
 @dataclass

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydrake.geometry import Box, Ellipsoid, Sphere
+from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
 
@@ -22,6 +22,7 @@ from drake_polygrasp import (
     certify_region,
     load_grasps,
     load_object,
+    plan_grasps,
     verify_file,
 )
 from drake_polygrasp.arrays import Array, frozen
@@ -34,10 +35,10 @@ from drake_polygrasp.plant import simulation
 from drake_polygrasp.plant.load_test import REFINEMENT, simulate_loads
 from drake_polygrasp.plant.loads import LoadPlan, plan_loads
 from drake_polygrasp.plant.misses import check_misses, draw_miss
-from drake_polygrasp.plant.scratch_plant import ScratchScene
+from drake_polygrasp.plant.scratch_plant import ScratchScene, make_scene
 from drake_polygrasp.plant.simulation import SimulationOutcome
 from drake_polygrasp.plant.surface_distance import SurfaceDistance
-from tests.support.grasp_files import edit, write_box
+from tests.support.grasp_files import BOX_SDF, edit, write_box
 from tests.support.plant_scenes import cube_grasp, cube_scene, model, top_grasp
 
 X, Y, Z = np.eye(3)
@@ -210,13 +211,32 @@ def test_without_a_certified_squeeze_misses_are_undecided() -> None:
     assert "no squeeze is certified" in report.verdicts[-1].reason
 
 
-def test_on_ellipsoids_misses_are_undecided() -> None:
-    scene = cube_scene()
-    egg = (Ellipsoid(0.03, 0.04, 0.05), RigidTransform())
-    scene = replace(scene, solid=replace(scene.solid, parts=(egg,)))
-    verdict = check_misses(scene, region(), 20.0, 3)
-    assert verdict.verdict is Verdict.UNDECIDED
-    assert "ellipsoids" in verdict.reason
+def test_misses_land_on_an_ellipsoid_with_its_normals_and_are_held(tmp_path: Path) -> None:
+    file, radii = tmp_path / "egg.sdf", np.array([0.03, 0.04, 0.05])
+    box = "<box><size>0.1 0.1 0.2</size></box>"
+    egg = "<ellipsoid><radii>0.03 0.04 0.05</radii></ellipsoid>"
+    assert box in BOX_SDF
+    file.write_text(BOX_SDF.replace(box, egg).replace("mu>0.3<", "mu>0.6<"))
+    object_ = load_object(file)
+    (certified,) = plan_grasps(object_, top=1, placement_error=0.002).grasps
+    found = certified.region
+    assert found is not None and found.squeeze_force is not None
+    scene = make_scene(object_, certified.grasp, tip_radius=0.004)
+    surface = SurfaceDistance(scene.solid.parts)
+    for number in range(1, 7):
+        missed = draw_miss(scene, surface, found, number)
+        assert isinstance(missed, ScratchScene)
+        p_BC, nhat = missed.grasp.p_BC, missed.grasp.nhat_TB_B
+        # x^2 / a^2 + ... = 1, and the normal is its gradient.
+        np.testing.assert_allclose(np.square(p_BC / radii).sum(axis=1), 1, atol=1e-9)
+        gradient = p_BC / radii**2
+        np.testing.assert_allclose(-gradient / norms(gradient), nhat, atol=1e-6)
+        assert (norms(p_BC - certified.grasp.p_BC) < 0.0025).all()
+    assert check_misses(scene, found, found.squeeze_force, 2).verdict is Verdict.HOLDS
+
+
+def norms(vectors: Array) -> Array:
+    return np.asarray(np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
 @pytest.mark.parametrize(("certified_squeeze", "used"), [(20.0, 20.0), (1.0, NEEDED / 0.8)])
