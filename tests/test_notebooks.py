@@ -16,6 +16,9 @@ nbclient = pytest.importorskip(
 pytest.importorskip("ipykernel", reason="notebooks need a kernel: pip install -e '.[notebooks]'")
 import nbformat  # noqa: E402 - comes with nbclient
 
+NEEDS = {"07_a_data_set": ("pandas", "pyarrow")}
+"""What a notebook needs beside the package, by its name."""
+
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_a_notebook_is_stored_without_output(path: Path) -> None:
@@ -29,6 +32,8 @@ def test_a_notebook_is_stored_without_output(path: Path) -> None:
 def test_a_notebook_runs_within_a_minute(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for package in NEEDS.get(path.stem, ()):
+        pytest.importorskip(package, reason=f"it uses {package}: pip install -e '.[notebooks]'")
     # What it writes goes elsewhere, and what it imports and loads is what stands here.
     (tmp_path / "models").symlink_to(ROOT / "models")
     monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
