@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,8 @@ OUT_OF_REACH = 30.0
 _AT_ONCE = 1 << 17
 """Our choice: scores computed together, so that they stay in the processor's cache."""
 _ASSIGNMENTS = tuple(permutations(range(3)))
+_COLUMNS: WeakKeyDictionary[Reach, dict[TipTriple, Features]] = WeakKeyDictionary()
+"""Features of the postures of a library by triples of tips, kept as long as the library."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,21 +139,31 @@ def best_matches(
         The matches, best first; of a tie, those of earlier fingers and rows first.
     """
     found: list[tuple[Ints, Ints, Any]] = []
+    orders = np.array(_ASSIGNMENTS)
+    features = triangle_features(p_BT[orders], nhat_TB_B[orders])
     for tips in fingers if len(reach.q) else ():
-        columns = _columns(reach, tips)
-        for order in _ASSIGNMENTS:
-            features = triangle_features(p_BT[None, order], nhat_TB_B[None, order])
-            scores = _squared_distances(features, columns)[0]
-            rows = np.argsort(scores, kind="stable")[:each]
+        scores = _squared_distances(features, _columns(reach, tips))
+        for order, of_order in zip(_ASSIGNMENTS, scores, strict=True):
+            rows = _least(of_order, min(each, num))
             # Tip tips[k] is at contact order[k].
             at_contact = np.empty(3, dtype=np.int64)
             at_contact[list(order)] = tips
-            found.append((rows, np.tile(at_contact, (len(rows), 1)), scores[rows]))
+            found.append((rows, np.broadcast_to(at_contact, (len(rows), 3)), of_order[rows]))
     if not found:
         return Matches(np.empty(0, np.int64), np.empty((0, 3), np.int64), np.empty(0))
     row, tips_at, score = (np.concatenate(parts) for parts in zip(*found, strict=True))
     best = np.argsort(score, kind="stable")[:num]
     return Matches(row[best], tips_at[best], score[best].astype(float))
+
+
+def _least(scores: Features, num: int) -> Ints:
+    """Returns the rows of the least scores, ascending; of a tie the first rows."""
+    if num == 1:
+        return np.array([np.argmin(scores)])
+    if len(scores) <= num:
+        return np.argsort(scores, kind="stable")
+    rows = np.flatnonzero(scores <= np.partition(scores, num - 1)[num - 1])
+    return rows[np.argsort(scores[rows], kind="stable")[:num]]
 
 
 def tip_distances(reach: Reach, fingers: Sequence[TipTriple], share: float = 0.001) -> Array:
@@ -171,9 +184,13 @@ def tip_distances(reach: Reach, fingers: Sequence[TipTriple], share: float = 0.0
 
 
 def _columns(reach: Reach, tips: TipTriple) -> Features:
-    """Returns the features of all postures, one row a feature, shape (12, L)."""
-    chosen = list(tips)
-    return np.ascontiguousarray(triangle_features(reach.p_PT[:, chosen], reach.axis_P[:, chosen]).T)
+    """Returns the features of all postures, one row a feature, shape (12, L); computed once."""
+    known = _COLUMNS.setdefault(reach, {})
+    if tips not in known:
+        chosen = list(tips)
+        features = triangle_features(reach.p_PT[:, chosen], reach.axis_P[:, chosen])
+        known[tips] = np.ascontiguousarray(features.T)
+    return known[tips]
 
 
 def _squared_distances(features: Features, columns: Features) -> Features:
