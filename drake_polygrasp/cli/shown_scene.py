@@ -19,7 +19,7 @@ from drake_polygrasp.loading.model_source import SUFFIXES
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.packages import find_packages, is_uri
 from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
-from drake_polygrasp.visualization.hand_on_grasps import draw_hands, move_hand
+from drake_polygrasp.visualization.hand_on_grasps import draw_hands, move_hand, reach_of_hands
 from drake_polygrasp.visualization.page import save_html
 from drake_polygrasp.visualization.scene import ShownGrasp, draw_grasps, look_at, show_rank
 
@@ -223,5 +223,7 @@ def _draw(scene: ShownScene) -> tuple[Meshcat, Hand | None]:
     from drake_polygrasp.hands.model import load_hand
 
     hand = load_hand(scene.hand, package_paths=scene.package_paths, packages=scene.packages)
-    draw_hands(meshcat, hand, [_placement(grasp) for grasp in grasps])
+    placements = [_placement(grasp) for grasp in grasps]
+    draw_hands(meshcat, hand, placements)
+    look_at(meshcat, object_, grasps[0] if grasps else None, radius=reach_of_hands(placements))
     return meshcat, hand

@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from pydrake.geometry import Meshcat, Rgba, Role, Shape
+from pydrake.geometry import Meshcat, Rgba, Role, Shape, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RigidBody
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.hand_grasp import HandPlacement
 from drake_polygrasp.hands.hand import Hand
+from drake_polygrasp.visualization.palette import CONTACTS, rgb
 from drake_polygrasp.visualization.scene import PATH
 
 _GHOST = 0.15
 """Opacity of the hand before it closes. Our choice."""
 _SOLID = 0.9
+_LARGER = 1.03
+"""Radius of marked fingertips over the hand's own. Our choice."""
+_PALM = 0.03
+"""Part of a palm behind its frame [m], about."""
 _PLAIN = Rgba(0.75, 0.77, 0.8, 1.0)
 """Colour of what the hand's model gives none."""
 
@@ -41,9 +46,28 @@ def draw_hands(
             if placement is not None:
                 _draw_bodies(meshcat, hand, f"{path}/grasps/{rank}/{name}", opacity)
         if placement is not None:
+            _enlarge_tips(meshcat, hand, placement, f"{path}/grasps/{rank}")
             move_hand(meshcat, hand, placement, rank, 1.0, path=path)
             before = hand.joint_array(placement.pregrasp.q)
             _pose(meshcat, hand, placement.X_BPalm, before, f"{path}/grasps/{rank}/pregrasp")
+
+
+def reach_of_hands(placements: Sequence[HandPlacement | None]) -> float:
+    """Returns the distance from B's origin within which hands are, about, at their grasps [m].
+
+    Args:
+        placements: how hands hold grasps; None for grasps without a hand.
+    """
+    held = [placement.p_BPalm for placement in placements if placement is not None]
+    return max((float(np.linalg.norm(p)) for p in held), default=-_PALM) + _PALM
+
+
+def _enlarge_tips(meshcat: Meshcat, hand: Hand, placement: HandPlacement, path: str) -> None:
+    """Draws the marks of fingertips around the hand's own tips, since equal spheres flicker."""
+    radii = {tip.name: tip.radius for tip in hand.tips}
+    for i, (name, colour) in enumerate(zip(placement.fingers, CONTACTS, strict=True), start=1):
+        sphere = Sphere(_LARGER * radii[name])
+        meshcat.SetObject(f"{path}/contact_{i}/fingertip", sphere, Rgba(*rgb(colour), 0.5))
 
 
 def move_hand(

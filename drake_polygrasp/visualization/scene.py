@@ -41,6 +41,8 @@ FORCE_SCALE = 0.5
 """Our choice: length of an arrow for the total normal force, over L."""
 _TIP, _MARK, _CONE, _LABEL = 0.02, 0.012, 0.14, 0.06
 """Our choice, over L: radii of fingertips and points, side of cones, height of numbers."""
+_FROM_AFAR = 4.8
+"""Our choice: distance of the eye, over the radius of what it sees in an angle of 30 degrees."""
 _LIFT = 1e-3
 """Our choice: distance of marks from the face that they lie on, over L; at 0 the two flicker."""
 
@@ -175,7 +177,13 @@ def show_rank(meshcat: Meshcat, rank: int, count: int, path: str = PATH) -> None
         meshcat.SetProperty(f"{path}/grasps/{other}", "visible", other == rank)
 
 
-def look_at(meshcat: Meshcat, object_: GraspObject, grasp: ShownGrasp | None = None) -> None:
+def look_at(
+    meshcat: Meshcat,
+    object_: GraspObject,
+    grasp: ShownGrasp | None = None,
+    *,
+    radius: float | None = None,
+) -> None:
     """Sets the camera and a plain background of a Meshcat that shows only this object.
 
     Among a few views from above around the object, it takes the one that sees most of the grasp
@@ -185,6 +193,7 @@ def look_at(meshcat: Meshcat, object_: GraspObject, grasp: ShownGrasp | None = N
         meshcat: Meshcat whose camera is set.
         object_: object to look at, drawn with B at the world's origin.
         grasp: grasp to see (default: the object only).
+        radius: radius of a ball about the object that is seen whole [m] (default: L / 2).
     """
     for path in ("/Grid", "/Axes"):
         meshcat.SetProperty(path, "visible", False)
@@ -195,7 +204,8 @@ def look_at(meshcat: Meshcat, object_: GraspObject, grasp: ShownGrasp | None = N
     meshcat.SetProperty("/Cameras/default/rotated/<object>", "fov", 30.0)
     vertices = surface_vertices(object_.polyhedron)
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    meshcat.SetCameraPose(centre + 2.4 * L * best_view(grasp), centre)
+    distance = _FROM_AFAR * (L / 2 if radius is None else max(radius, L / 2))
+    meshcat.SetCameraPose(centre + distance * best_view(grasp), centre)
 
 
 def best_view(grasp: ShownGrasp | None) -> Array:
