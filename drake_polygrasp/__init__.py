@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.hands.check import HandReport, check_hand
     from drake_polygrasp.hands.hand import Hand
     from drake_polygrasp.hands.model import load_hand
+    from drake_polygrasp.loading.mesh_object import object_from_mesh
     from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.loading.plant_object import object_from_plant
     from drake_polygrasp.loading.plant_obstacles import obstacles_from_plant
@@ -128,6 +129,7 @@ __all__ = [
     "load_hand",
     "load_object",
     "load_surroundings",
+    "object_from_mesh",
     "object_from_plant",
     "obstacles_from_plant",
     "plan_batch",
@@ -159,6 +161,7 @@ _HOMES = {
     "hands.check": ("HandReport", "check_hand"),
     "hands.hand": ("Hand",),
     "hands.model": ("load_hand",),
+    "loading.mesh_object": ("object_from_mesh",),
     "loading.object_model": ("load_object",),
     "loading.plant_object": ("object_from_plant",),
     "loading.plant_obstacles": ("obstacles_from_plant",),

@@ -9,13 +9,14 @@ the force on body B at contact c.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
 import numpy as np
 
+from drake_polygrasp.arguments import check_number
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import BodyIdentity
@@ -70,6 +71,9 @@ class ModelSource:
     scale: float | None = None
 
 
+_FRICTION = "a friction coefficient, above 0 and at most 100"
+
+
 @dataclass(frozen=True, eq=False)
 class GraspObject:
     """A rigid body to grasp: its exposed surface, mass and centre of mass, in body frame B.
@@ -98,6 +102,37 @@ class GraspObject:
     source: ModelSource | None = None
     warnings: tuple[str, ...] = ()
     body: BodyIdentity | None = None
+
+    def with_friction(self, mu: float) -> GraspObject:
+        """Returns the object with another friction coefficient on all faces, without loading it.
+
+        It is what loading the model with this `mu` gives, but faces that only their friction
+        divides stay divided.
+
+            slippery = box.with_friction(0.2)
+
+        Args:
+            mu: friction coefficient, above 0 and at most 100.
+
+        Raises:
+            UsageError: when it is no such number.
+        """
+        mu = check_number("mu", mu, _FRICTION, above=0.0, most=100.0)
+        faces = tuple(replace(face, mu=mu) for face in self.polyhedron.faces)
+        return replace(self, polyhedron=replace(self.polyhedron, faces=faces))
+
+    def with_mass(self, mass: float | None) -> GraspObject:
+        """Returns the object with another mass at the same centre, without loading it.
+
+        Args:
+            mass: mass [kg], above 0; None where it is unknown.
+
+        Raises:
+            UsageError: when it is no such number.
+        """
+        if mass is not None:
+            mass = check_number("mass", mass, "a mass in kg, above 0", above=0.0)
+        return replace(self, mass=mass)
 
 
 @dataclass(frozen=True, eq=False)

@@ -194,6 +194,15 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
             "package_paths": (),
             "packages": None,
         },
+        "object_from_mesh": {
+            "vertices": np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]),
+            "faces": np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
+            "mu": 0.3,
+            "mass": None,
+            "p_BBcm": None,
+            "name": "tetrahedron",
+            **{key: settings[key] for key in ("patch_angle", "patch_depth")},
+        },
         "object_from_plant": {
             **in_plant,
             "model_file": None,
