@@ -322,6 +322,7 @@ def _row(object_: _Object, outcome: TaskOutcome) -> BatchRow:
     elif outcome.ending == "error":
         reason = f"internal error ({outcome.reason}); please report it"
         columns = {"status": "crash", "reason": reason}
+    columns["reason"] = " ".join(columns.get("reason", "").splitlines())
     return BatchRow(
         **{"body": object_.body or None} | columns,
         key=object_.key,

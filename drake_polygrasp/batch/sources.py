@@ -113,6 +113,8 @@ def _is_model(name: str) -> bool:
         return False
     if not name.lower().endswith(".xml"):
         return True
+    if not Path(name).is_file():  # Whoever opens a pipe waits for its other end.
+        return True
     try:
         with Path(name).open("rb") as file:
             return _MUJOCO.search(file.read(_HEAD_BYTES)) is not None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -57,7 +58,8 @@ def plan_model(
         `bodies` where the model has several and none was named. Otherwise `status` and the row's
         columns, with `text`, that of the grasp file, if there are grasps.
     """
-    os.chdir(current_folder)
+    with suppress(OSError):  # Another machine may lack it, and absolute paths do without.
+        os.chdir(current_folder)
     if (file or text) and (adopted := _adopt(file, text, load)):
         return adopted
     start = perf_counter()

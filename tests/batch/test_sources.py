@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,12 @@ def test_several_sources_follow_one_another_and_uris_are_taken_as_they_are(tmp_p
     write_all(tmp_path, {"a.sdf": "", "x/b.sdf": ""})
     sources = ["package://p/m.sdf", tmp_path / "x", str(tmp_path / "a.sdf")]
     assert found(sources) == ["package://p/m.sdf", f"{tmp_path}/x/b.sdf", f"{tmp_path}/a.sdf"]
+
+
+def test_a_pipe_is_found_and_not_waited_for(tmp_path: Path) -> None:
+    for name in ("pipe.xml", "pipe.sdf"):
+        os.mkfifo(tmp_path / name)
+    assert found(tmp_path) == [f"{tmp_path}/pipe.sdf", f"{tmp_path}/pipe.xml"]
 
 
 def test_finding_is_lazy(tmp_path: Path) -> None:
