@@ -53,7 +53,7 @@ NO_ERRORS: dict[str, Any] = dict.fromkeys(ERROR_NAMES, 0.0)
 TILT_ERROR = math.radians(5.0)
 """Our choice [rad]: by how much normals of fingertips and of models typically differ."""
 FRICTION_ERROR = 0.2
-"""Our choice: share by which friction coefficients are typically too high."""
+"""Our choice: share by which friction coefficients may typically be less."""
 COM_ERROR = 0.02
 """Our choice: over the object's diameter L, how far the centre of mass is typically off."""
 LEAST_FRICTION_LEFT = 1 / 3
@@ -99,7 +99,7 @@ class PlanOptions:
         placement_error: by how much a contact may miss its place along its face, in any direction
             [m].
         tilt_error: by how much the true normal at a contact may tilt [rad], 0 to 1.5.
-        friction_error: share by which friction coefficients may be too high, 0 to below 1.
+        friction_error: share by which friction coefficients may be less, 0 to below 1.
         com_error: by how much the centre of mass may be off, in any direction [m]. Each error is
             None for a default by the object: `PlanOptions.resolve` says which.
 
@@ -235,7 +235,7 @@ class PlanSettings:
             grasps, contacts may miss by this times the inradius; None where it is `placement_error`
             on all faces.
         tilt_error: by how much normals may tilt [rad].
-        friction_error: share by which friction coefficients may be too high.
+        friction_error: share by which friction coefficients may be less.
         com_error: by how much the centre of mass may be off [m].
         avoid_directions: unit vectors in B; no contact where the outward normal is near one.
         avoid_angle: how near [rad]; None without `avoid_directions`.

@@ -217,6 +217,6 @@ def _add_error_options(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         type=read_length,
         help="distance by which the centre of mass may be off, in any direction [m]; it counts in "
-        "the bounds of epsilon and squeeze force under errors (default: 2 percent of the "
-        "object's diameter)",
+        "the bounds of epsilon and squeeze force under errors, and no set of faces is rejected for "
+        "it (default: 2 percent of the object's diameter)",
     )

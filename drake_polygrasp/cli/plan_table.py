@@ -95,8 +95,15 @@ def _errors_text(errors: RegionCertificate | PlanSettings) -> str:
     return (
         f"normals by {errors.tilt_error:.4g} rad, friction less by "
         f"{100 * errors.friction_error:.3g} percent and the centre of mass off by "
-        f"{1e3 * errors.com_error:.3g} mm"
+        f"{_length_text(errors.com_error)}"
     )
+
+
+def _length_text(length: float) -> str:
+    """Returns a length with three digits, without an exponent."""
+    in_metres = float(f"{length:.3g}") >= 1
+    value = float(f"{length if in_metres else 1e3 * length:.3g}")
+    return f"{value:.12f}".rstrip("0").rstrip(".") + (" m" if in_metres else " mm")
 
 
 def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) -> str:
@@ -143,10 +150,13 @@ def _placement_note(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> l
     faces = object_.polyhedron.faces
     if not any(faces[k].reach > 0 for certified in grasps for k in certified.grasp.faces):
         return []
-    return [
+    note = (
         "placement holds only as far as normals stay the same: on curved or scanned surfaces, "
         "within a contact's own facet or a milliradian of the curve"
-    ]
+    )
+    if any(certified.region for certified in grasps):
+        note += "; bears is of all facets around, with their normals"
+    return [note]
 
 
 def _grasp_row(rank: int, certified: CertifiedGrasp) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ _UNIT = 1e-9
 
 
 def read_plan(block: Block, num_faces: int) -> StatedPlan:
-    """Reads a plan block and checks the values that a verification uses; others may be anything.
+    """Reads a plan block and checks what a verification uses, and errors; others may be anything.
 
     Args:
         block: the plan block.
@@ -22,12 +22,15 @@ def read_plan(block: Block, num_faces: int) -> StatedPlan:
         What the file states of the plan.
 
     Raises:
-        GraspFileError: when a value that a verification uses has the wrong type or range.
+        GraspFileError: when such a value has the wrong type or range.
     """
     if "mu" in block.data:
         block.number("mu", "positive")
     if "tip_radius" in block.data:
         block.number("tip_radius", "zero or positive")
+    for name in ("placement_error", "tilt_error", "friction_error", "com_error"):
+        if name in block.data:
+            block.number(name, "zero or positive")
     if "avoid_directions" in block.data:
         with np.errstate(over="ignore"):
             length = np.linalg.norm(block.vectors("avoid_directions"), axis=1)

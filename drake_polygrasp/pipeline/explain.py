@@ -34,7 +34,7 @@ class Explanation:
         placement_error: distance by which contacts may miss along their faces, if it was given
             [m]; else 0. So are the next two.
         tilt_error: angle by which normals may tilt [rad].
-        friction_error: fraction by which friction coefficients may be too high.
+        friction_error: share by which friction coefficients may be less.
     """
 
     faces: Ints
@@ -86,10 +86,11 @@ def explain_sets(
             direction [m]. Contacts keep at least this distance from edges. The default of this and
             the next two is that of `plan_grasps`: sets that hold only without it are certified.
         tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
-        friction_error: fraction by which friction coefficients may be too high, 0 to below 1.
+        friction_error: share by which friction coefficients may be less, 0 to below 1.
             Grasps are planned with the friction that the worst tilt and coefficient leave; proofs
             have the model's.
-        com_error: distance by which the centre of mass may be off, in any direction [m].
+        com_error: distance by which the centre of mass may be off, in any direction [m]. No set is
+            rejected for it: it lowers only bounds of grasps.
 
     Returns:
         The sets of faces with their reasons.

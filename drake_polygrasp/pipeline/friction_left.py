@@ -1,4 +1,4 @@
-"""The friction that is left to plan with when normals may tilt and coefficients be too high."""
+"""The friction that is left to plan with when normals may tilt and coefficients be less."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def friction_left(mu: Array, tilt_error: float, friction_error: float) -> Array:
     Args:
         mu: friction coefficients of faces, shape (n,).
         tilt_error: by how much normals may tilt [rad], 0 to 1.5.
-        friction_error: share by which coefficients may be too high, 0 to below 1.
+        friction_error: share by which friction coefficients may be less, 0 to below 1.
 
     Returns:
         Narrowed coefficients, shape (n,): `mu` itself without errors, and `NO_FRICTION` for faces
@@ -57,7 +57,7 @@ def friction_that_leaves(mu: float, tilt_error: float, friction_error: float) ->
     Args:
         mu: the narrowed coefficient.
         tilt_error: by how much normals may tilt [rad].
-        friction_error: share by which coefficients may be too high.
+        friction_error: share by which friction coefficients may be less.
 
     Returns:
         The coefficient; None where none suffices.
@@ -78,7 +78,7 @@ def with_friction_left(
     Args:
         object_: what to grasp.
         tilt_error: by how much normals may tilt [rad].
-        friction_error: share by which coefficients may be too high.
+        friction_error: share by which friction coefficients may be less.
 
     Raises:
         UsageError: when no face keeps any friction.

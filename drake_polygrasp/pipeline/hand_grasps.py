@@ -105,7 +105,7 @@ def plan_hand_grasps(
         placement_error: distance by which a contact may miss its place along its face, in any
             direction [m]. Contacts keep at least this distance from edges.
         tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
-        friction_error: fraction by which friction coefficients may be too high, 0 to below 1.
+        friction_error: share by which friction coefficients may be less, 0 to below 1.
         com_error: distance by which the centre of mass may be off, in any direction [m].
         budget: time after which no more postures are tried [s]; a second is left for them at
             least.

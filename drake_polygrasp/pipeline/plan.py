@@ -141,7 +141,7 @@ def plan_grasps(
             direction [m] (default: 0.02 L). Contacts keep at least this distance from edges.
         tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5 (default: 5
             degrees).
-        friction_error: fraction by which friction coefficients may be too high, 0 to below 1
+        friction_error: share by which friction coefficients may be less, 0 to below 1
             (default: 0.2). Grasps are planned with the friction that the worst tilt and coefficient
             leave; proofs and `Grasp.mu` have the model's. Default tilt and friction errors are
             halved together until they leave a third of the friction.
