@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.hands.check import HandReport, check_hand
     from drake_polygrasp.hands.hand import Hand
     from drake_polygrasp.hands.model import load_hand
+    from drake_polygrasp.loading.examples import example_models
     from drake_polygrasp.loading.mesh_object import object_from_mesh
     from drake_polygrasp.loading.object_model import load_object
     from drake_polygrasp.loading.plant_object import object_from_plant
@@ -120,6 +121,7 @@ __all__ = [
     "check_hand",
     "contact_poses",
     "epsilon_gap",
+    "example_models",
     "explain_sets",
     "export_directives",
     "hand_grasp_for",
@@ -161,6 +163,7 @@ _HOMES = {
     "hands.check": ("HandReport", "check_hand"),
     "hands.hand": ("Hand",),
     "hands.model": ("load_hand",),
+    "loading.examples": ("example_models",),
     "loading.mesh_object": ("object_from_mesh",),
     "loading.object_model": ("load_object",),
     "loading.plant_object": ("object_from_plant",),

@@ -150,6 +150,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "check_hand": {"hand": own_hand(), "num": 20, "seed": 0},
         "contact_poses": {"grasp": off},
         "epsilon_gap": {"object_": cube, "plan": plan, "nodes": 10, "progress": None},
+        "example_models": {},
         "explain_sets": planned,
         "export_directives": {
             "file": file,

@@ -3,6 +3,7 @@
 | file | what it holds |
 |---|---|
 | object_model.py | loads the object from a model file: `load_object` |
+| examples.py | the models that come with the package: `example_models` |
 | mesh_object.py | makes the object from arrays of vertices and triangles: `object_from_mesh` |
 | plant_object.py | makes the object from a body of the user's plant: `object_from_plant` |
 | plant_obstacles.py | the other bodies of that plant as obstacles: `obstacles_from_plant` |
