@@ -24,11 +24,14 @@ from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.surface_pieces import SurfacePiece, rounded_piece
 from drake_polygrasp.vectors import dot, times
 
-_SPREAD = np.radians(1.0)
-"""Our choice: angle between the normals of one piece, a fifth of the default tilt."""
-_MOST_PIECES = 64
-"""Our choice: greatest number of pieces; in wide regions on sharp curves the normals of a piece
-therefore differ by more than `_SPREAD`."""
+_SPREAD = np.radians(0.75)
+"""Our choice: angle between the normals of one piece, a seventh of the default tilt."""
+_MOST_PIECES = 12
+"""Our choice: greatest number of pieces, for bounds under errors take time in proportion; in wide
+regions on sharp curves the normals of a piece therefore differ by more than `_SPREAD`."""
+_ANGLE_DECIMALS = 6
+"""Our choice: of the directions [rad] in which regions are cut, so that they do not hang on last
+bits."""
 _ROUNDING = 1e-9
 """Our choice, added to tangents of angles: normals and corners are rounded to twelve digits."""
 
@@ -63,19 +66,15 @@ def curved_pieces(
         diameter: L of the body [m].
 
     Returns:
-        At most 64 pieces; none if at some offset a fingertip would not meet the curved surface.
+        At most 12 pieces; none if at some offset a fingertip would not meet the curved surface.
     """
-    first = _cell(solid, p_BC, R_BC, polygon)
-    if first is None:
-        return ()
-    cells = [first]
-    while len(cells) < _MOST_PIECES:
-        widest = int(np.argmin(np.round([cell.cosine for cell in cells], 12)))
-        if cells[widest].cosine >= np.cos(_SPREAD):
-            break
-        halves = [_cell(solid, p_BC, R_BC, q) for q in _halves(solid, p_BC, R_BC, cells[widest].q)]
+    cells = []
+    for q in _tiles(solid, p_BC, R_BC, polygon):
         # Rays that enter the surface at the corners of a polygon enter it everywhere inside.
-        cells[widest : widest + 1] = [half for half in halves if half is not None]
+        cell = _cell(solid, p_BC, R_BC, q)
+        if cell is None:
+            return ()
+        cells.append(cell)
     if min(cell.cosine for cell in cells) <= 0:
         return ()
     return tuple(
@@ -105,15 +104,49 @@ def _cell(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> _Cell | None:
     return _Cell(q, p_BV, nhat[0], float((times(normals, nhat[0]) / length).min()))
 
 
-def _halves(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> tuple[Array, Array]:
-    """Cuts a polygon through its mean corner, across the direction in which normals turn most."""
+def _tiles(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> list[Array]:
+    """Cuts a polygon into a grid along the directions in which normals turn most and least."""
     start = p_BC + times(q, R_BC[:, :2].T)
-    surface = start - solid.depths(start, -R_BC[:, 2])[:, None] * R_BC[:, 2]
-    _, nhat = solid.project(surface)
-    turned = dot(nhat[:, None] - nhat, nhat[:, None] - nhat)
-    i, j = np.unravel_index(np.argmax(np.round(turned, 12)), turned.shape)
-    side = times(q - q.mean(axis=0), q[j] - q[i])
-    return _part(q, side), _part(q, -side)
+    depth = solid.depths(start, -R_BC[:, 2])
+    if np.isnan(depth).any():
+        return [q]
+    _, nhat = solid.project(start - depth[:, None] * R_BC[:, 2])
+    q_0 = q - q.mean(axis=0)
+    # How the normal turns is nearly linear in q: least squares by the normal equations.
+    spread = np.einsum("ki,kj->ij", q_0, q_0)
+    turned = np.einsum("ki,kj->ij", q_0, times(nhat, R_BC[:, :2]))
+    (a, b), (c, d) = spread
+    turns = np.einsum("ij,jk->ik", [[d, -b], [-c, a]], turned) / (a * d - b * c)
+    mixed, apart = turns[0, 1] + turns[1, 0], turns[0, 0] - turns[1, 1]
+    if max(abs(mixed), abs(apart)) < 1e-6 * np.abs(turns).max():  # the same in all directions
+        mixed = apart = 0.0
+    angle = round(0.5 * float(np.arctan2(mixed, apart)), _ANGLE_DECIMALS)
+    along = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    x = times(q, along.T)
+    width = np.ptp(x, axis=0)
+    half_turn = np.abs(np.einsum("ij,jk,ik->i", along, turns, along)) * width / 2
+    num = np.array([1, 1])
+    while np.hypot(*(half_turn / num)) > _SPREAD:
+        more = num + (np.arange(2) == int(half_turn[1] / num[1] > half_turn[0] / num[0]))
+        if more.prod() > _MOST_PIECES:
+            break
+        num = more
+    tiles = [q]
+    for j in range(2):
+        cuts = x[:, j].min() + width[j] * np.arange(1, num[j]) / num[j]
+        for cut in cuts.tolist():
+            tiles = _cut(tiles, along[j], cut)
+    return tiles
+
+
+def _cut(tiles: list[Array], along: Array, at: float) -> list[Array]:
+    """Cuts all convex polygons that a line crosses in two."""
+    parts = []
+    for q in tiles:
+        side = np.round(times(q, along) - at, 15)
+        crosses = side.min() < 0 < side.max()
+        parts += [_part(q, side), _part(q, -side)] if crosses else [q]
+    return parts
 
 
 def _part(q: Array, side: Array) -> Array:
