@@ -108,19 +108,19 @@ def largest_radius(p_BC: Array, nhat_TB_B: Array, mu: Array) -> float:
 
     # Only the direction of x counts, in either sense: a cube's faces cover all.
     grid = np.linspace(-1.0, 1.0, 2 * _SIDE)
-    a, b = (g.ravel() for g in np.meshgrid(grid, grid))
-    ones = np.ones_like(a)
+    u, v = (g.ravel() for g in np.meshgrid(grid, grid))
+    ones = np.ones_like(u)
     faces = [
-        np.column_stack(np.roll([s * ones, a, b], k, axis=0)) for k in range(3) for s in (1, -1)
+        np.roll(np.column_stack([s * ones, u, v]), k, axis=1) for k in range(3) for s in (1, -1)
     ]
     x = np.concatenate(faces)
     found = radius(x)
     best, step = x[found.argmax()], 4.0 / _SIDE
     for _ in range(_LEVELS):
-        across = np.linalg.svd(best[None])[2][1:]
+        first, second = np.linalg.svd(best[None])[2][1:]
         offsets = step * np.linspace(-1.0, 1.0, _SIDE)
-        a, b = (g.ravel() for g in np.meshgrid(offsets, offsets))
-        near = best + np.linalg.norm(best) * (a[:, None] * across[0] + b[:, None] * across[1])
+        u, v = (g.ravel() for g in np.meshgrid(offsets, offsets))
+        near = best + np.linalg.norm(best) * (u[:, None] * first + v[:, None] * second)
         best, step = near[radius(near).argmax()], step * _NARROWER
     return float(radius(best[None])[0])
 
@@ -166,8 +166,8 @@ def measured(subject: Subject, arguments: argparse.Namespace) -> Measured:
     for millimetres in arguments.millimetres:
         error = 1e-3 * millimetres
         first = _first(_plan(object_, subject.name, placement_error=error, **others))
-        bears = first is not None and first.region is not None
-        bears = bears and bool(first.region.placement_error.min() >= error * (1 - 1e-9))
+        region = None if first is None else first.region
+        bears = region is not None and bool(region.placement_error.min() >= error * (1 - 1e-9))
         certified.append(None if first is None else bears)
     ratios: list[float | None] = []
     radius, num_grasps, seconds = None, 0, 0.0
