@@ -44,7 +44,7 @@ BAD = {"abort": "crash", "hang": "timeout", "hog": "out_of_memory", "broken": "b
 KINDS = ("abort", "hog", "broken", "abort", "hang", "broken", "hog", "abort")
 """Kinds of every fifth object: few hang, for while they do no others are killed at work."""
 SLOTS = 2
-TIMEOUT = 6.0
+TIMEOUT = 15.0
 KILLED_WORKERS = 3
 ALIVE_SECONDS = 2.0
 
