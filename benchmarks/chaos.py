@@ -47,6 +47,8 @@ SLOTS = 2
 TIMEOUT = 15.0
 KILLED_WORKERS = 3
 ALIVE_SECONDS = 2.0
+PATIENCE = 20.0
+"""Time for an object after which the driver is taken to hang [s]."""
 
 
 def main() -> int:
@@ -78,7 +80,11 @@ def chaos(folder: Path, num_objects: int, num_kills: int, engine: str, seed: int
     while True:
         driver = start_driver(folder, engine, seed + kills)
         if engine == "dask" or kills >= num_kills:
-            code = driver.wait()
+            try:
+                code = driver.wait(PATIENCE * num_objects)
+            except subprocess.TimeoutExpired:
+                driver.kill()
+                code = driver.wait()
             break
         # Most are killed when children work; some while they start, or before there are any.
         if chance.random() < 0.8:
