@@ -24,12 +24,13 @@ import numpy as np
 from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
 from benchmarks.objects import Subject, generated, models
-from drake_polygrasp import UsageError, load_object, plan_grasps, save_grasps
+from drake_polygrasp import NO_ERRORS, UsageError, load_object, plan_grasps, save_grasps
 
 WAYS: dict[str, dict[str, Any]] = {
-    "enriched": {},
+    "default": {"top": 2},
+    "enriched": NO_ERRORS,
     "paper": {"method": "paper"},
-    "quick": {"effort": "quick"},
+    "quick": NO_ERRORS | {"effort": "quick"},
 }
 """Options of `plan_grasps`, by the name under which files are compared."""
 CONTROL = "product_of_matrices"
