@@ -153,6 +153,12 @@ def run_hand_plan(
     )
 
 
+_COLUMNS = (
+    "effort: share of the joints' efforts that holding takes; opening: how far fingertips back off "
+    "before closing; way: direction in the body's frame in which the palm moves away"
+)
+
+
 def _table(model: str, hand: str, plan: HandPlan, output: Path) -> str:
     """Returns the table of grasps, best first, one per row."""
     header = ("rank", "faces", "fingers", "epsilon", "effort", "clearance", "opening", "way")
@@ -163,6 +169,7 @@ def _table(model: str, hand: str, plan: HandPlan, output: Path) -> str:
             f"{model}: {len(plan.grasps)} grasps that '{hand}' can make, {plan.tried} of "
             f"{plan.candidates} candidates tried{_counts(plan)}",
             *align_columns([header, units, *rows]),
+            *([_COLUMNS] if rows else []),
             f"wrote {output}",
         ]
     )
@@ -179,7 +186,7 @@ def _row(rank: int, grasp: HandGrasp) -> tuple[str, ...]:
         "-" if share is None else f"{100 * share:.0f}",
         f"{1e3 * grasp.clearance:.1f}",
         f"{1e3 * grasp.pregrasp.opening:.0f}",
-        "(" + " ".join(f"{x:.2f}" for x in direction) + ")",
+        "(" + " ".join(f"{round(x, 2) + 0.0:.2f}" for x in direction) + ")",
     )
 
 
