@@ -100,6 +100,7 @@ def test_options_that_do_not_go_together(
 def test_every_option_of_plan_is_used_with_a_hand_or_refused() -> None:
     arguments = vars(make_parser().parse_args(["plan", "model.sdf"]))
     of_the_call = {"command", "model", "hand", "top", "output", "json", "package_path", "packages"}
+    of_the_call |= {"version"}
     of_the_object = {"body", "joints_free", "scale", "mu", "patch_angle", "patch_depth"}
     assert {*arguments} == of_the_call | of_the_object | {
         *HAND_OPTIONS,
