@@ -30,7 +30,7 @@ from drake_polygrasp.cli.child_messages import (
 )
 from drake_polygrasp.cli.progress_line import REFRESH_SECONDS, ProgressLine
 from drake_polygrasp.cli.reporting import print_line
-from drake_polygrasp.errors import ModelError
+from drake_polygrasp.errors import ModelError, PolygraspError
 
 if TYPE_CHECKING:
     from drake_polygrasp.arguments import Progress
@@ -207,7 +207,9 @@ def _run(
     try:
         sender.send(_CallResult(value, seconds, error))
     except Exception as unsent:
-        sender.send(_CallResult(None, 0.0, RuntimeError(str(error or unsent))))
+        # What an error holds may not be sent; its message may, and stays an error of ours.
+        kind = type(error) if isinstance(error, PolygraspError) else RuntimeError
+        sender.send(_CallResult(None, 0.0, kind(str(error or unsent))))
 
 
 def _call(function: str, args: Any, kwargs: Any, reports_progress: bool) -> tuple[Any, float]:

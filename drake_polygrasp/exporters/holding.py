@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.stated_grasp import GraspFile, StatedGrasp
 from drake_polygrasp.hand_grasp import HandPlacement
 
 
-class GraspInHand(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class GraspInHand:
     """A grasp with the hand that holds it.
 
     Attributes:

@@ -14,6 +14,7 @@ normal, over all points p of the polytope, is attained at one of its corners.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -115,18 +116,19 @@ def _tiles(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> list[Array]:
     # How the normal turns is nearly linear in q: least squares by the normal equations.
     spread = np.einsum("ki,kj->ij", q_0, q_0)
     turned = np.einsum("ki,kj->ij", q_0, times(nhat, R_BC[:, :2]))
-    (a, b), (c, d) = spread
-    turns = np.einsum("ij,jk->ik", [[d, -b], [-c, a]], turned) / (a * d - b * c)
+    (p, q_xy), (q_yx, r) = spread
+    turns = np.einsum("ij,jk->ik", [[r, -q_xy], [-q_yx, p]], turned) / (p * r - q_xy * q_yx)
     mixed, apart = turns[0, 1] + turns[1, 0], turns[0, 0] - turns[1, 1]
     if max(abs(mixed), abs(apart)) < 1e-6 * np.abs(turns).max():  # the same in all directions
         mixed = apart = 0.0
     angle = round(0.5 * float(np.arctan2(mixed, apart)), _ANGLE_DECIMALS)
-    along = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    c, s = round(math.cos(angle), 12), round(math.sin(angle), 12)
+    along = np.array([[c, s], [-s, c]])
     x = times(q, along.T)
     width = np.ptp(x, axis=0)
-    half_turn = np.abs(np.einsum("ij,jk,ik->i", along, turns, along)) * width / 2
+    half_turn = np.round(np.abs(np.einsum("ij,jk,ik->i", along, turns, along)) * width / 2, 12)
     num = np.array([1, 1])
-    while np.hypot(*(half_turn / num)) > _SPREAD:
+    while ((half_turn / num) ** 2).sum() > _SPREAD**2:
         more = num + (np.arange(2) == int(half_turn[1] / num[1] > half_turn[0] / num[0]))
         if more.prod() > _MOST_PIECES:
             break

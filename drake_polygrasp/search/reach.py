@@ -160,10 +160,7 @@ def _least(scores: Features, num: int) -> Ints:
     """Returns the rows of the least scores, ascending; of a tie the first rows."""
     if num == 1:
         return np.array([np.argmin(scores)])
-    if len(scores) <= num:
-        return np.argsort(scores, kind="stable")
-    rows = np.flatnonzero(scores <= np.partition(scores, num - 1)[num - 1])
-    return rows[np.argsort(scores[rows], kind="stable")[:num]]
+    return np.argsort(scores, kind="stable")[:num]
 
 
 def tip_distances(reach: Reach, fingers: Sequence[TipTriple], share: float = 0.001) -> Array:
