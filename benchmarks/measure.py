@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 
 from benchmarks.long_search import best_known
 from benchmarks.peers import (
@@ -31,8 +30,8 @@ from benchmarks.peers import (
     triples_at,
 )
 from drake_polygrasp import GraspObject, GraspPlan, load_object, plan_grasps
-from drake_polygrasp.arrays import Array, join_rows
-from drake_polygrasp.geometry.regions import PLACEMENT_ERROR, Regions, erode
+from drake_polygrasp.arrays import Array, Ints, join_rows
+from drake_polygrasp.geometry.regions import PLACEMENT_ERROR, Regions, erode, regions_at
 from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
 from drake_polygrasp.settings import TIP_RADIUS
 
@@ -170,12 +169,9 @@ def _summary(object_: GraspObject, best: Triples, regions: Regions) -> dict[str,
     }
 
 
-def _on_regions(regions: Regions, p_BC: Array, face: Array) -> Triples:
+def _on_regions(regions: Regions, p_BC: Array, face: Ints) -> Triples:
     """Contacts on faces as those of the nearest of each face's regions."""
-    p_FC = np.einsum("rij,cri->crj", regions.R_BF, p_BC[:, None] - regions.p_BF)
-    distance = shapely.distance(regions.polygon_F, shapely.points(p_FC[..., :2]))
-    distance[regions.face != face[:, None]] = np.inf
-    return triples_at(regions, p_BC[None], distance.argmin(axis=1)[None])
+    return triples_at(regions, p_BC[None], regions_at(regions, face, p_BC)[None])
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ _MAX_SECONDS = 7 * 86_400.0
 """Greatest time for an object [s]. Our choice: beyond a week, it is a typing error."""
 _UNITS = {"MB": 10**6, "MiB": 2**20, "GB": 10**9, "GiB": 2**30}
 _MAX_MASS = 10_000.0
-"""Greatest mass accepted [kg]. Our choice, likewise."""
+"""Greatest mass accepted [kg]. Our choice: beyond it, a value is a typing error."""
 _MAX_LENGTH = 1000.0
 """Greatest clearance or radius accepted [m]. Our choice: beyond it, a value is a typing error."""
 
@@ -42,10 +42,7 @@ def read_friction(text: str) -> float:
     Raises:
         ArgumentTypeError: when it is no such number.
     """
-    number = _read_number(text, MAX_FRICTION)
-    if number == 0:
-        raise argparse.ArgumentTypeError("without friction there is no grasp; give more than 0")
-    return number
+    return _above_zero(_read_number(text, MAX_FRICTION), "without friction there is no grasp")
 
 
 def read_scale(text: str) -> float:
@@ -75,12 +72,8 @@ def read_depth(text: str) -> float:
     Raises:
         ArgumentTypeError: when it is no such number.
     """
-    depth = read_length(text)
-    if depth == 0:
-        raise argparse.ArgumentTypeError(
-            "facets of a curved surface lie off the plane of their patch; give more than 0"
-        )
-    return depth
+    why = "facets of a curved surface lie off the plane of their patch"
+    return _above_zero(read_length(text), why)
 
 
 def read_angle(text: str) -> float:
@@ -145,10 +138,7 @@ def read_mass(text: str) -> float:
     Raises:
         ArgumentTypeError: when it is no such number.
     """
-    mass = _read_number(text, _MAX_MASS)
-    if mass == 0:
-        raise argparse.ArgumentTypeError("what weighs nothing needs no torques; give more than 0")
-    return mass
+    return _above_zero(_read_number(text, _MAX_MASS), "what weighs nothing needs no torques")
 
 
 def read_seed(text: str) -> int:
@@ -174,10 +164,7 @@ def read_seconds(text: str) -> float:
     Raises:
         ArgumentTypeError: when it is no such number.
     """
-    seconds = _read_number(text, _MAX_SECONDS)
-    if seconds == 0:
-        raise argparse.ArgumentTypeError("nothing is done in no time; give more than 0")
-    return seconds
+    return _above_zero(_read_number(text, _MAX_SECONDS), "nothing is done in no time")
 
 
 def read_memory(text: str) -> int:
@@ -285,4 +272,11 @@ def _read_number(text: str, most: float, least: float = 0.0) -> float:
         number = math.nan
     if not least <= number <= most:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number from {least:g} to {most:g}")
+    return number
+
+
+def _above_zero(number: float, why: str) -> float:
+    """Returns a number, 0 or more, that must not be 0."""
+    if number == 0:
+        raise argparse.ArgumentTypeError(f"{why}; give more than 0")
     return number

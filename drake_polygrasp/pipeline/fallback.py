@@ -79,13 +79,11 @@ def errors_in_turn(requests: Sequence[PlanRequest]) -> tuple[Errors, ...]:
         The errors of the requests, with half and a quarter of the defaults before those of the
         last; empty without errors.
     """
-    asked = [request.errors for request in requests if request.errors is not None]
-    if len(asked) == 0:
-        return ()
     names = requests[0].options.default_errors
-    with_defaults = [r.errors for r in requests if r.options.default_errors and r.errors]
-    less = [with_defaults[-1].with_less(names, s) for s in _LESS_OF_DEFAULTS if with_defaults]
-    return (*with_defaults, *less, *asked[len(with_defaults) :])
+    with_defaults = [r.errors for r in requests if r.errors and r.options.default_errors]
+    given = [r.errors for r in requests if r.errors and not r.options.default_errors]
+    less = [errors.with_less(names, s) for errors in with_defaults[-1:] for s in _LESS_OF_DEFAULTS]
+    return *with_defaults, *less, *given
 
 
 def sets_held(judges: Sequence[Judge], regions: Regions) -> Ints:

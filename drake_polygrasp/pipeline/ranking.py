@@ -111,7 +111,8 @@ def _bearing_errors(
     for position, judge in enumerate(judges):
         if len(found) >= top:
             break
-        before = sets_held(judges[:position], judge.work.request.regions).tolist()
+        held = sets_held(judges[:position], judge.work.request.regions)
+        before = {tuple(row) for row in held.tolist()}
         groups = _best_of_each_set(judge, rank, before)
         tried = groups[: SETS_TRIED * compared] if by_epsilon else groups[:compared]
         found += _first_bearing(judge, tried, errors, compared - len(found))
@@ -145,7 +146,9 @@ class _Bearing:
         return replace(certified, region=bound_errors(object_, certified.grasp, self.proved))
 
 
-def _best_of_each_set(judge: Judge, rank: Rank, without: list[list[int]]) -> list[list[_Ranked]]:
+def _best_of_each_set(
+    judge: Judge, rank: Rank, without: set[tuple[int, ...]]
+) -> list[list[_Ranked]]:
     """Returns up to `_TRIED_OF_A_SET` candidates of each set of regions, best first.
 
     Args:
@@ -161,7 +164,7 @@ def _best_of_each_set(judge: Judge, rank: Rank, without: list[list[int]]) -> lis
     return [
         entries[:_TRIED_OF_A_SET]
         for set_index, entries in groups.items()
-        if sets[set_index].tolist() not in without
+        if tuple(sets[set_index].tolist()) not in without
     ]
 
 
@@ -177,20 +180,21 @@ def _first_bearing(
         wanted: how many sets to return at most.
     """
     found: list[_Bearing] = []
-    others: list[_Bearing] = []
+    others: list[list[_Ranked]] = []
     for entries in groups:
         if len(found) == wanted:
             break
-        bearing = _bearing(judge, entries, errors, levels=1)
-        (found if bearing.proved else others).append(bearing)
-    by_set = {entries[0].row: entries for entries in groups}
-    for other in others[: wanted - len(found)]:
-        found.append(_bearing(judge, by_set[other.ranked.row], errors, levels=len(errors)))
-    return found
+        bearing = _bearing(judge, entries, errors, range(1))
+        if bearing.proved:
+            found.append(bearing)
+        else:
+            others.append(entries)
+    less = range(1, len(errors))
+    return found + [_bearing(judge, e, errors, less) for e in others[: wanted - len(found)]]
 
 
 def _bearing(
-    judge: Judge, entries: list[_Ranked], errors: Sequence[Errors], levels: int
+    judge: Judge, entries: list[_Ranked], errors: Sequence[Errors], levels: range
 ) -> _Bearing:
     """Finds the first of some candidates of a set that bears the greatest errors.
 
@@ -198,17 +202,17 @@ def _bearing(
         judge: the candidates and their proofs.
         entries: candidates of one set, best first.
         errors: what they are tried for, greatest first.
-        levels: number of these errors that are tried.
+        levels: indices of the errors that are tried; the greater ones were tried before.
     """
-    work = judge.work
-    tried: set[tuple[float, ...]] = set()
-    for level, asked in enumerate(errors[:levels]):
-        of_grasp = asked.on(work.face[entries[0].row])
-        if of_grasp in tried:
+    work, face = judge.work, judge.work.face[entries[0].row]
+    tried = {asked.on(face) for asked in errors[: levels.start]}
+    for level in levels:
+        # On wide faces errors of narrow ones are the same.
+        if (of_grasp := errors[level].on(face)) in tried:
             continue
         tried.add(of_grasp)
         for entry in entries:
-            proved = prove_errors(work.request.object_, _grasp(work, entry.row), asked)
+            proved = prove_errors(work.request.object_, _grasp(work, entry.row), errors[level])
             if proved is not None:
                 return _Bearing(judge, entry, level, proved)
     return _Bearing(judge, entries[0], len(errors), None)
