@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.cli.table import align_columns, friction_hint, head_line, lacking_friction
+from drake_polygrasp.visualization.precision import FINE, placement_words
 
 if TYPE_CHECKING:
     from drake_polygrasp.grasp import CertifiedGrasp, GraspObject, RegionCertificate
@@ -53,33 +55,49 @@ def _plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
     ]
 
 
-def _error_column(plan: GraspPlan) -> list[tuple[str, ...]]:
-    """Returns the cells "bears" of header, units and rows; empty rows where no error was asked."""
+def _error_columns(plan: GraspPlan) -> list[tuple[str, ...]]:
+    """Returns the cells "bears" and "then" of header, units and rows; none without errors."""
     if not plan.settings.has_errors:
         return [()] * (2 + len(plan.grasps))
-    regions = [grasp.region for grasp in plan.grasps]
-    cells = [("-" if r is None else f"{1e3 * r.placement_error.min():.2f}",) for r in regions]
-    return [("bears",), ("[mm]",), *cells]
+    cells = [_bears_cells(grasp.region) for grasp in plan.grasps]
+    return [("bears", "then"), ("[mm]", "[N]"), *cells]
+
+
+def _bears_cells(region: RegionCertificate | None) -> tuple[str, str]:
+    """Returns the misses that a grasp bears, and its squeeze force under all errors."""
+    if region is None:
+        return "-", "-"
+    squeeze = "-" if region.squeeze_force is None else f"{region.squeeze_force:.1f}"
+    return f"{1e3 * region.placement_error.min():.2f}", squeeze
 
 
 def _error_lines(plan: GraspPlan) -> list[str]:
-    """Returns what "bears" stands for, and which grasps bear less than was asked."""
+    """Returns what "bears" and "then" stand for, and which grasps bear less than was asked."""
     if not plan.settings.has_errors:
         return []
-    ranks_by_errors: dict[str, list[int]] = {}
-    for rank, grasp in enumerate(plan.grasps, start=1):
-        errors = "" if grasp.region is None else _errors_text(grasp.region)
-        ranks_by_errors.setdefault(errors, []).append(rank)
+    errors = ["" if g.region is None else _errors_text(g.region) for g in plan.grasps]
     asked = _errors_text(plan.settings)
     lines = [
         "bears: proved to hold with each contact off by this much along its face and, at once, "
-        f"{asked}"
+        f"{asked}",
+        "squeeze holds the weight with exact contacts, then: with all these errors",
     ]
-    for errors, ranks in ranks_by_errors.items():
-        if errors != asked:
-            grasps = f"grasp{'s' if len(ranks) > 1 else ''} {_ranges(ranks)}"
-            lines.append(f"{grasps}: {errors or 'not proved to bear any errors'}")
-    return lines
+    return lines + [
+        f"{grasps}: {text or 'not proved to bear any errors'}"
+        for grasps, text in _by_ranks(errors)
+        if text != asked
+    ]
+
+
+def _by_ranks(texts: Sequence[str]) -> list[tuple[str, str]]:
+    """Returns the different texts on ranked grasps, each with the grasps that it is about."""
+    ranks_by_text: dict[str, list[int]] = {}
+    for rank, text in enumerate(texts, start=1):
+        ranks_by_text.setdefault(text, []).append(rank)
+    return [
+        (f"grasp{'s' if len(ranks) > 1 else ''} {_ranges(ranks)}", text)
+        for text, ranks in ranks_by_text.items()
+    ]
 
 
 def _ranges(ranks: list[int]) -> str:
@@ -93,7 +111,7 @@ def _ranges(ranks: list[int]) -> str:
 def _errors_text(errors: RegionCertificate | PlanSettings) -> str:
     """Returns the errors of normals, friction and centre of mass in words."""
     return (
-        f"normals by {errors.tilt_error:.4g} rad, friction less by "
+        f"normals by {degrees(errors.tilt_error):.3g} degrees, friction less by "
         f"{100 * errors.friction_error:.3g} percent and the centre of mass off by "
         f"{_length_text(errors.com_error)}"
     )
@@ -121,7 +139,7 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
     cells = [
         (*row, *bears, *plant)
         for row, bears, plant in zip(
-            [header, units, *rows], _error_column(plan), _plant_column(plan.grasps), strict=True
+            [header, units, *rows], _error_columns(plan), _plant_column(plan.grasps), strict=True
         )
     ]
     num_faces = len(object_.polyhedron.faces)
@@ -132,7 +150,7 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
             *align_columns(cells),
             *_error_lines(plan),
             *_plant_lines(plan.grasps),
-            *_placement_note(object_, plan.grasps),
+            *_placement_lines(object_, plan.grasps),
             f"wrote {output}",
         ]
     )
@@ -145,18 +163,20 @@ def _counts(plan: GraspPlan) -> str:
     return f"{plan.num_certified} proved so far, {plan.num_not_evaluated} not evaluated"
 
 
-def _placement_note(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> list[str]:
-    """Returns a line on why placement tolerances are small, where a contact is on a patch."""
+def _placement_lines(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> list[str]:
+    """Returns what small placement tolerances mean, and why they are small on patches."""
+    words = _by_ranks([placement_words(grasp) for grasp in grasps])
+    lines = [f"{ranks}: {text}" for ranks, text in words if text == FINE]
     faces = object_.polyhedron.faces
-    if not any(faces[k].reach > 0 for certified in grasps for k in certified.grasp.faces):
-        return []
-    note = (
-        "placement holds only as far as normals stay the same: on curved or scanned surfaces, "
-        "within a contact's own facet or a milliradian of the curve"
-    )
-    if any(certified.region for certified in grasps):
-        note += "; bears is of all facets around, with their normals"
-    return [note]
+    if any(faces[k].reach > 0 for certified in grasps for k in certified.grasp.faces):
+        note = (
+            "placement holds only as far as normals stay the same: on curved or scanned surfaces, "
+            "within a contact's own facet or a milliradian of the curve"
+        )
+        if any(certified.region for certified in grasps):
+            note += "; bears is of all facets around, with their normals"
+        lines.append(note)
+    return lines
 
 
 def _grasp_row(rank: int, certified: CertifiedGrasp) -> tuple[str, ...]:

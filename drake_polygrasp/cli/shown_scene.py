@@ -19,9 +19,11 @@ from drake_polygrasp.loading.model_source import SUFFIXES
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.loading.packages import find_packages, is_uri
 from drake_polygrasp.verification.stated_model import find_stated_model, load_stated_object
+from drake_polygrasp.visualization.camera import look_at
 from drake_polygrasp.visualization.hand_on_grasps import draw_hands, move_hand, reach_of_hands
 from drake_polygrasp.visualization.page import save_html
-from drake_polygrasp.visualization.scene import ShownGrasp, draw_grasps, look_at, show_rank
+from drake_polygrasp.visualization.scene import draw_grasps, show_rank
+from drake_polygrasp.visualization.shown_grasp import ShownGrasp
 
 _SLIDER, _WAY = "grasp", "open to closed"
 _POLL_SECONDS = 0.05
@@ -217,7 +219,8 @@ def _draw(scene: ShownScene) -> tuple[Meshcat, Hand | None]:
     object_, grasps = scene.object_, scene.grasps
     meshcat = Meshcat()
     draw_grasps(meshcat, object_, grasps, tip_radius=scene.tip_radius)
-    look_at(meshcat, object_, grasps[0] if grasps else None)
+    best, others = (grasps[0], grasps[1:]) if grasps else (None, ())
+    look_at(meshcat, object_, best, others=others)
     if scene.hand is None:
         return meshcat, None
     from drake_polygrasp.hands.model import load_hand
@@ -225,5 +228,5 @@ def _draw(scene: ShownScene) -> tuple[Meshcat, Hand | None]:
     hand = load_hand(scene.hand, package_paths=scene.package_paths, packages=scene.packages)
     placements = [_placement(grasp) for grasp in grasps]
     draw_hands(meshcat, hand, placements)
-    look_at(meshcat, object_, grasps[0] if grasps else None, radius=reach_of_hands(placements))
+    look_at(meshcat, object_, best, others=others, radius=reach_of_hands(placements))
     return meshcat, hand

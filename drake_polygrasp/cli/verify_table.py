@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from drake_polygrasp.cli.table import align_columns
 from drake_polygrasp.files.plant_block import plant_document
+from drake_polygrasp.verification.report import Status
 
 if TYPE_CHECKING:
     from drake_polygrasp.verification.report import GraspVerification, VerificationReport
@@ -23,6 +24,19 @@ def _plant_cell(grasp: GraspVerification) -> str:
     if grasp.plant is not None:
         return str(grasp.plant.verdict)
     return "-" if grasp.stated_plant is None else f"stated: {grasp.stated_plant.verdict}"
+
+
+def _bears_column(report: VerificationReport) -> list[tuple[str, ...]]:
+    """Returns the cells "bears [mm]" of header and rows; empty rows where no error is stated."""
+    if all(grasp.bears is None for grasp in report.grasps):
+        return [()] * (1 + len(report.grasps))
+    return [("bears [mm]",), *((_bears_cell(grasp),) for grasp in report.grasps)]
+
+
+def _bears_cell(grasp: GraspVerification) -> str:
+    """Returns the misses that a grasp bears; "-" where it states none or a check fails."""
+    failed = any(line.status is Status.FAILED for line in grasp.lines.values())
+    return "-" if grasp.bears is None or failed else f"{1e3 * grasp.bears:.2f}"
 
 
 def _plant_lines(report: VerificationReport) -> list[str]:
@@ -68,7 +82,10 @@ def verify_table(report: VerificationReport) -> str:
     Args:
         report: what verification found.
     """
-    in_plant = _plant_column(report)
+    added = [
+        (*bears, *plant)
+        for bears, plant in zip(_bears_column(report), _plant_column(report), strict=True)
+    ]
     names = ["FORCES", "SURFACE", "NUMBERS"]
     names += ["HAND"] if any(grasp.hand for grasp in report.grasps) else []
     rows = [
@@ -77,7 +94,7 @@ def verify_table(report: VerificationReport) -> str:
             *(str(grasp.lines[name].status) if name in grasp.lines else "-" for name in names),
             *cell,
         )
-        for rank, (grasp, cell) in enumerate(zip(report.grasps, in_plant[1:], strict=True), start=1)
+        for rank, (grasp, cell) in enumerate(zip(report.grasps, added[1:], strict=True), start=1)
     ]
     remarks = [
         f"grasp {rank}, {name}: {line.reason}"
@@ -93,7 +110,7 @@ def verify_table(report: VerificationReport) -> str:
     return "\n".join(
         [
             f"{report.path}: {len(rows)} grasp{'' if len(rows) == 1 else 's'}",
-            *align_columns([("rank", *names, *in_plant[0]), *rows]),
+            *align_columns([("rank", *names, *added[0]), *rows]),
             *remarks,
             *_plant_lines(report),
             summary if rows else "the file holds no grasp",
@@ -122,6 +139,8 @@ def _verified_document(grasp: GraspVerification) -> dict[str, Any]:
         name: {"status": str(line.status), "reason": line.reason}
         for name, line in grasp.lines.items()
     }
+    if grasp.bears is not None:
+        document["bears"] = grasp.bears
     if grasp.plant is not None:
         document["plant"] = plant_document(grasp.plant)
     if grasp.stated_plant is not None:

@@ -31,6 +31,7 @@ class GraspPlan:
     """Certified grasps of an object, best first, and what became of all its sets of faces.
 
     Attributes:
+        object_: the object.
         grasps: certified grasps, best first, at most one for each set of faces.
         num_sets: number of all sets of three and of two regions. A region is what the edge
             clearance leaves of a face.
@@ -45,6 +46,7 @@ class GraspPlan:
         excluded_faces: indices of faces of which every set is excluded, ascending.
     """
 
+    object_: GraspObject
     grasps: tuple[CertifiedGrasp, ...]
     num_sets: int
     reasons: dict[str, int]
@@ -180,6 +182,7 @@ def plan_grasps(
     certified = perf_counter()
     request = requests[-1]
     return GraspPlan(
+        object_,
         grasps,
         request.num_sets,
         request.counts(sets_and_codes(requests, judges)[1]),

@@ -50,6 +50,9 @@ class GraspVerification:
         plant: verdicts of a plant; None if it was not asked for or a check failed.
         stated_plant: verdicts of a plant that the file states, which are not checked.
         hand: whether a hand holds the grasp as stated; None if the file states no hand for it.
+        bears: misses of all contacts along their faces that the grasp is stated to bear, together
+            with the other errors of its `region` [m]; None if it states none. The checks say
+            whether that holds.
     """
 
     forces: CheckResult
@@ -58,6 +61,7 @@ class GraspVerification:
     plant: PlantReport | None = None
     stated_plant: PlantRecord | None = None
     hand: CheckResult | None = None
+    bears: float | None = None
 
     @property
     def lines(self) -> dict[str, CheckResult]:

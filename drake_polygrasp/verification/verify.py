@@ -181,7 +181,10 @@ def _verify_grasp(
     if stated.hand is not None:
         reason = "the object's model is not there, or not as stated"
         held = hand.check(stated) if hand else CheckResult(Status.NOT_CHECKED, reason)
-    return GraspVerification(forces, surface, numbers, stated_plant=stated.plant, hand=held)
+    bears = None if stated.region is None else float(stated.region.placement_error.min())
+    return GraspVerification(
+        forces, surface, numbers, stated_plant=stated.plant, hand=held, bears=bears
+    )
 
 
 def _surroundings(

@@ -3,9 +3,13 @@
 | file | what it draws |
 |---|---|
 | scene.py | an object and its grasps in a Meshcat |
+| plan_scene.py | a plan in a Meshcat |
+| camera.py | from where they are seen |
+| shown_grasp.py | the grasp plane around an object, and the scale of arrows |
 | hand.py | a hand in postures in a Meshcat |
 | hand_on_grasps.py | a hand that holds ranked grasps, and its way there, in a Meshcat |
 | page.py | a Meshcat as one web page that needs no server, with a panel of grasps |
+| precision.py | what a placement tolerance of less than a millimetre means, in words |
 | figures.py | the planes on which the paper plans for one set of faces (needs matplotlib) |
 | explanation.py | why a set of faces has a grasp or none (needs matplotlib) |
 | directions.py | friction cones on the sphere of directions (needs matplotlib) |
@@ -24,17 +28,18 @@ from typing import TYPE_CHECKING
 from drake_polygrasp import lazy_names
 
 if TYPE_CHECKING:
+    from drake_polygrasp.visualization.camera import look_at
     from drake_polygrasp.visualization.explanation import draw_explanation
     from drake_polygrasp.visualization.figures import draw_reasons, draw_trace
     from drake_polygrasp.visualization.hand import draw_hand, draw_hand_postures
     from drake_polygrasp.visualization.hand_on_grasps import draw_hands, move_hand
     from drake_polygrasp.visualization.page import save_html
     from drake_polygrasp.visualization.palette import CONTACTS, rgb
+    from drake_polygrasp.visualization.plan_scene import show_plan
     from drake_polygrasp.visualization.scene import (
         draw_grasp,
         draw_grasps,
         draw_object,
-        look_at,
         show_rank,
     )
     from drake_polygrasp.visualization.sketch import draw_sketch
@@ -55,19 +60,22 @@ __all__ = [
     "move_hand",
     "rgb",
     "save_html",
+    "show_plan",
     "show_rank",
 ]
 
 __getattr__, __dir__ = lazy_names(
     __name__,
     {
+        "camera": ("look_at",),
         "explanation": ("draw_explanation",),
         "figures": ("draw_reasons", "draw_trace"),
         "hand": ("draw_hand", "draw_hand_postures"),
         "hand_on_grasps": ("draw_hands", "move_hand"),
         "page": ("save_html",),
         "palette": ("CONTACTS", "rgb"),
-        "scene": ("draw_grasp", "draw_grasps", "draw_object", "look_at", "show_rank"),
+        "plan_scene": ("show_plan",),
+        "scene": ("draw_grasp", "draw_grasps", "draw_object", "show_rank"),
         "sketch": ("draw_sketch",),
     },
 )

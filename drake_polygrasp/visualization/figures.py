@@ -115,7 +115,8 @@ def _what(trace: SetTrace) -> str:
     if trace.reason == "orientation":
         kind = "two faces" if pair else "three faces"
     angles = f"phi = {np.degrees(trace.phi):.1f}°, alpha = {np.degrees(trace.alpha):.1f}°"
-    return f"faces {faces} ({kind}): {angles}"
+    drawn = "The paper's steps for" if trace.p_BC is None else "The paper's own grasp of"
+    return f"{drawn} faces {faces} ({kind}): {angles}"
 
 
 def _end(trace: SetTrace) -> str:

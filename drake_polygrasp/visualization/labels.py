@@ -25,6 +25,8 @@ _STROKES: dict[str, list[tuple[float, float]]] = {
 }
 _PITCH = 5.8
 _THICKNESS = 0.9
+_FACES_EYE = 0.05
+"""Our choice: least cosine between a face's outward normal and the way to the eye that sees it."""
 
 
 def number_shape(number: int) -> shapely.MultiPolygon:
@@ -45,35 +47,55 @@ def number_shape(number: int) -> shapely.MultiPolygon:
     return shapely.transform(shape, lambda xy: xy / 6)
 
 
-def label_F(face: Face, number: int, largest: float, keep_clear_B: Array) -> shapely.MultiPolygon:
+def label_F(
+    face: Face, number: int, largest: float, keep_clear_B: Array, eye_B: Array
+) -> shapely.MultiPolygon:
     """Places the number of a face on it, upright as seen from outside.
 
-    Upright is towards Bz, or towards By on faces nearly orthogonal to Bz. The number stands at the
-    face's centroid if there is room, else at the centre of its largest disc.
+    On faces that the eye sees, upright is up in its picture; on others it is towards Bz, or away
+    from the eye on faces nearly orthogonal to Bz. The number stands at the face's centroid if there
+    is room, else at the centre of its largest disc.
 
     Args:
         face: the face.
         number: its number.
         largest: greatest height of the digits [m]; they are smaller if the face has less room.
-        keep_clear_B: points in B that the number avoids if digits of full height fit elsewhere [m],
-            shape (K, 3).
+        keep_clear_B: points in B that the number does not hide from the eye, if digits of full
+            height fit elsewhere [m], shape (K, 3).
+        eye_B: unit vector in B to the eye, whose picture has Bz up, shape (3,); not along Bz.
 
     Returns:
         The shape, in the coordinates along Fx and Fy [m].
     """
     shape = number_shape(number)
     reach = np.linalg.norm(shapely.get_coordinates(shape), axis=1).max() / 0.8
-    xy = ((keep_clear_B - face.p_BF) @ face.R_BF)[:, :2]
+    seen_F = (keep_clear_B - face.p_BF) @ face.R_BF
+    eye_F = face.R_BF.T @ eye_B
+    # Points are shifted along the line of sight to where the eye sees them on the face.
+    sight = eye_F[:2] / eye_F[2] if eye_F[2] > _FACES_EYE else np.zeros(2)
+    xy = seen_F[:, :2] - seen_F[:, 2:] * sight
     clear = face.polygon_F - shapely.buffer(shapely.MultiPoint(xy), largest)
     center, radius = _room(clear)
     if radius < largest * reach:
         center, radius = _room(face.polygon_F)
     size = min(largest, radius / reach)
-    upward = np.eye(3)[1 if abs(face.R_BF[2, 2]) > 0.9 else 2]
-    up = face.R_BF[:, :2].T @ upward
-    up /= np.linalg.norm(up)
+    up = _up_F(face, eye_B)
     right = np.array([up[1], -up[0]])
     return shapely.transform(shape, lambda v: center + size * v @ np.array([right, up]))
+
+
+def _up_F(face: Face, eye_B: Array) -> Array:
+    """Returns where up is for a number on the face, as a unit vector along Fx and Fy, (2,)."""
+    nhat_B = face.R_BF[:, 2]
+    if nhat_B @ eye_B > _FACES_EYE:
+        right_B = np.cross([0.0, 0.0, 1.0], eye_B)
+        up_B = np.cross(nhat_B, right_B)  # orthogonal to right: straight up in the picture
+    elif abs(nhat_B[2]) > 0.9:
+        up_B = -eye_B
+    else:
+        up_B = np.array([0.0, 0.0, 1.0])
+    up: Array = face.R_BF[:, :2].T @ up_B
+    return up / np.linalg.norm(up)
 
 
 def _room(shape: shapely.Geometry) -> tuple[Array, float]:

@@ -18,9 +18,13 @@ from pydrake.geometry import Meshcat
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.visualization.palette import CONTACTS, INK, PLANE
-from drake_polygrasp.visualization.scene import PATH, ShownGrasp
+from drake_polygrasp.visualization.precision import placement_words
+from drake_polygrasp.visualization.scene import PATH
+from drake_polygrasp.visualization.shown_grasp import ShownGrasp
 from drake_polygrasp.wrenches.contacts import edge_forces
 
+_VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
+"""Without it, a phone draws a page 980 pixels wide and shrinks it."""
 _NOTE = (
     "Drag to turn, scroll to zoom. Spheres are fingertips, cones friction, arrows the forces that "
     "squeeze the object; in the dark discs each contact may be misplaced, in the outlines under "
@@ -52,7 +56,7 @@ def save_html(
     Raises:
         UsageError: when `file` cannot be written.
     """
-    html = meshcat.StaticHtml()
+    html = meshcat.StaticHtml().replace("<head>", f"<head>\n  {_VIEWPORT}", 1)
     if grasps:
         scene = {
             "title": title,
@@ -76,7 +80,7 @@ def save_html(
 
 
 def _rows(grasp: ShownGrasp) -> list[tuple[Any, ...]]:
-    """Returns the panel's rows on a grasp: name, value and, for drawn parts, a colour."""
+    """Returns the panel's rows on a grasp: name, value, and a colour, "head" or "remark"."""
     contacts, certificate = grasp.grasp, grasp.certificate
     squeeze = certificate.squeeze_force
     f_Bc_B = edge_forces(contacts.p_BC[None], certificate.internal_force[None])[0]
@@ -86,19 +90,22 @@ def _rows(grasp: ShownGrasp) -> list[tuple[Any, ...]]:
         force = f"{sizes[i]:.2f}" if squeeze is None else f"{sizes[i] * squeeze:.1f} N"
         rows.append((f"contact {i + 1}", f"face {contacts.faces[i]}: {force}", colour))
     rows += [("grasp plane and triangle", "", PLANE), ("centre of mass", "", INK)]
+    if grasp.region is not None:
+        rows += _error_rows(grasp.region)
+    rows.append(("with exact contacts", "", "head"))
     if contacts.quality is not None:
         rows.append(("quality Q", f"{contacts.quality.Q:.3f}"))
     for name, value, unit, scale in (
         ("margin", certificate.margin, "", 1.0),
         ("epsilon", certificate.epsilon_lower, "", 1.0),
         ("least friction", certificate.mu_min, "", 1.0),
-        ("may be misplaced by", certificate.placement_tolerance, " mm", 1e3),
         ("squeeze, all fingers", squeeze, " N", 1.0),
+        ("placement alone off by", certificate.placement_tolerance, " mm", 1e3),
     ):
         if value is not None:
             rows.append((name, f"{value * scale:.3g}{unit}"))
-    if grasp.region is not None:
-        rows += _error_rows(grasp.region)
+    if words := placement_words(grasp):
+        rows.append((words, "", "remark"))
     if grasp.plant is not None:
         rows.append(("in a plant", str(grasp.plant.verdict)))
     return rows
@@ -107,7 +114,8 @@ def _rows(grasp: ShownGrasp) -> list[tuple[Any, ...]]:
 def _error_rows(region: RegionCertificate) -> list[tuple[Any, ...]]:
     """Returns the panel's rows on the errors that a grasp bears at once, and what is left then."""
     rows: list[tuple[Any, ...]] = [
-        ("bears at once: misses of", f"{1e3 * region.placement_error.min():.3g} mm"),
+        ("bears, all at once", "", "head"),
+        ("contacts off by", f"{1e3 * region.placement_error.min():.3g} mm"),
         ("normals off by", f"{np.degrees(region.tilt_error):.3g} degrees"),
         ("friction less by", f"{100 * region.friction_error:.3g} percent"),
         ("centre of mass off by", f"{1e3 * region.com_error:.3g} mm"),
@@ -115,5 +123,5 @@ def _error_rows(region: RegionCertificate) -> list[tuple[Any, ...]]:
     if region.epsilon_lower is not None:
         rows.append(("epsilon then", f"{region.epsilon_lower:.3g}"))
     if region.squeeze_force is not None:
-        rows.append(("squeeze then", f"{region.squeeze_force:.3g} N"))
+        rows.append(("squeeze then, all fingers", f"{region.squeeze_force:.3g} N"))
     return rows

@@ -12,6 +12,7 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import surface_vertices
 from drake_polygrasp.grasp import GraspObject
+from drake_polygrasp.visualization.camera import best_view, view_of_faces
 from drake_polygrasp.visualization.meshes import (
     face_edges,
     face_triangles,
@@ -20,7 +21,7 @@ from drake_polygrasp.visualization.meshes import (
     surface_triangles,
 )
 from drake_polygrasp.visualization.palette import CONTACTS, INK, OBJECT, PLANE, rgb
-from drake_polygrasp.visualization.scene import FORCE_SCALE, ShownGrasp, best_view, view_of_faces
+from drake_polygrasp.visualization.shown_grasp import FORCE_SCALE, ShownGrasp
 from drake_polygrasp.wrenches.contacts import edge_forces
 
 _MM = 1e3

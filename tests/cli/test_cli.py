@@ -15,12 +15,14 @@ from typing import Any
 import pytest
 
 import drake_polygrasp
+from drake_polygrasp import verify_file
 from drake_polygrasp.cli import verify
 from drake_polygrasp.cli.child_process import call_in_child
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.files.grasp_file import load_grasps
 from drake_polygrasp.paper.reasons import MEANING, REASONS
+from drake_polygrasp.visualization.precision import FINE
 from tests.support.grasp_files import BOX_SDF, write_box
 
 ROOT = Path(drake_polygrasp.__file__).parents[1]
@@ -82,6 +84,11 @@ def test_plan_writes_what_verify_bears_out(capsys: pytest.CaptureFixture[str]) -
     verify = Run(capsys, "verify cube.grasp.yaml")
     assert (verify.code, verify.err) == (0, ""), verify.out
     assert verify.out.splitlines()[-1] == "all that was checked holds"
+    assert verify.out.splitlines()[1].split() == [
+        *("rank", "FORCES", "SURFACE", "NUMBERS", "bears", "[mm]")
+    ]
+    assert {line.split()[-1] for line in verify.out.splitlines()[2:-1]} == {"2.08"}
+    assert {grasp.bears for grasp in verify_file("cube.grasp.yaml").grasps} == {0.00207846}
 
 
 @pytest.mark.parametrize(
@@ -106,23 +113,32 @@ def test_the_table_has_a_row_a_grasp_and_a_unit_where_there_is_one(
     lines = Run(capsys, f"plan {CUBE} --top 3").out.splitlines()
     for column in ("rank", "faces", "kind", "Q", "margin", "epsilon", "mu_min", "placement"):
         assert column in lines[1]
-    assert lines[2].split() == ["[mm]", "[N]", "[mm]"]
+    assert lines[2].split() == ["[mm]", "[N]", "[mm]", "[N]"]
     assert [line.split()[0] for line in lines[3:6]] == ["1", "2", "3"]
     exact = Run(capsys, f"plan {CUBE} --top 3 {EXACT}").out.splitlines()
     assert "bears" in lines[1] and "bears" not in exact[1]
     assert exact[2].split() == ["[mm]", "[N]"]
     # L is 60 mm times the square root of 3, and all three grasps bear 2 percent of it.
-    assert {line.split()[-1] for line in lines[3:6]} == {"2.08"}
+    assert {line.split()[-2] for line in lines[3:6]} == {"2.08"}
     assert lines[6].startswith("bears: proved to hold with each contact off by this much")
-    assert len(lines) == 8
+    assert lines[7].startswith("squeeze holds the weight with exact contacts, then: ")
+    assert len(lines) == 9
 
 
 def test_the_table_says_which_grasps_bear_less(capsys: pytest.CaptureFixture[str]) -> None:
     lines = Run(capsys, f"plan {MODELS / 'wedge' / 'wedge.urdf'}").out.splitlines()
-    full, *less = lines[-5:-1] if lines[-4].startswith("grasp") else lines[-4:-1]
-    assert full.startswith("bears: ")
-    assert all(line.startswith("grasp") and " rad, friction less by " in line for line in less)
-    assert {line.split(" rad")[0].split()[-1] for line in less} == {"0.04363", "0.02182"}
+    less = [line for line in lines if line.startswith("grasp") and " degrees, friction" in line]
+    assert {line.split(" degrees")[0].split()[-1] for line in less} == {"2.5", "1.25"}
+    full = next(line for line in lines if line.startswith("bears: "))
+    assert "normals by 5 degrees, friction less by 20 percent" in full
+
+
+def test_the_table_says_what_a_placement_under_a_millimetre_means(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = Run(capsys, f"plan {MODELS / 'rod' / 'rod.urdf'} --top 1 {EXACT}").out
+    assert f"grasp 1: {FINE}" in out.splitlines()
+    assert FINE not in Run(capsys, f"plan {CUBE} --top 1 {EXACT}").out
 
 
 def test_the_table_says_why_placement_on_patches_is_narrow(

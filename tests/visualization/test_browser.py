@@ -30,7 +30,6 @@ FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND",  # no network
     "--enable-logging=stderr",
     "--virtual-time-budget=4000",
-    "--window-size=900,600",
 )
 PANEL = 310  # [px]
 
@@ -39,12 +38,15 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def look(page: Path, fragment: str = "") -> tuple[Array, list[str]]:
+def look(page: Path, fragment: str = "", size: str = "900,600") -> tuple[Array, list[str]]:
     """A screenshot, shape (H, W, 3), and what the page said on its console."""
     picture = page.with_suffix(".png")
     assert CHROMIUM is not None
     result = subprocess.run(
-        [CHROMIUM, *FLAGS, f"--screenshot={picture}", f"{page.as_uri()}{fragment}"],
+        [
+            *(CHROMIUM, *FLAGS, f"--window-size={size}", f"--screenshot={picture}"),
+            f"{page.as_uri()}{fragment}",
+        ],
         cwd=page.parent,
         capture_output=True,
         text=True,
@@ -60,10 +62,15 @@ def share_of_hue(picture: Array, colour: str, saturation: float = 0.25) -> float
 
     The panel's legend is left out.
     """
-    hue, strength, _ = np.moveaxis(rgb_to_hsv(picture[:, PANEL:]), -1, 0)
+    return float(of_hue(picture[:, PANEL:], colour, saturation).mean())
+
+
+def of_hue(picture: Array, colour: str, saturation: float) -> Array:
+    """Which pixels have about this hue, shape (H, W)."""
+    hue, strength, _ = np.moveaxis(rgb_to_hsv(picture), -1, 0)
     wanted = rgb_to_hsv(np.array(rgb(colour)))[0]
     apart = np.abs((hue - wanted + 0.5) % 1 - 0.5)
-    return float(((apart < 0.04) & (strength > saturation)).mean())
+    return np.asarray((apart < 0.04) & (strength > saturation))
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +92,21 @@ def test_object_contacts_and_plane_are_seen_and_nothing_complains(page: Path) ->
     assert share_of_hue(picture, PLANE, saturation=0.03) > 0.01
     blank = (picture[:, PANEL:] > 0.99).all(axis=-1).mean()
     assert 0.3 < blank < 0.9
+
+
+@pytest.mark.parametrize(("size", "left", "bottom"), [("412,915", 0, 122), ("800,600", PANEL, 0)])
+def test_on_small_screens_the_object_is_seen_and_no_plane_is_cropped(
+    page: Path, size: str, left: int, bottom: int
+) -> None:
+    picture, console = look(page, size=size)
+    assert console == []
+    # The panel is folded below the scene where it has no room beside it.
+    scene = picture[: len(picture) - bottom, left + 2 :]
+    for colour in CONTACTS:
+        assert of_hue(scene, colour, 0.25).mean() > 2e-4, colour
+    plane = of_hue(scene, PLANE, 0.03)
+    assert plane.mean() > 0.01
+    assert not plane[[0, -1]].any() and not plane[:, [0, -1]].any()
 
 
 def test_without_its_grasps_none_of_their_colours_are_seen(tmp_path: Path) -> None:

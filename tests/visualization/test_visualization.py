@@ -25,13 +25,21 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.cli.main import main
 from drake_polygrasp.cli.shown_scene import ShownScene
 from drake_polygrasp.files.stated_grasp import StatedPlan
-from drake_polygrasp.visualization import draw_grasps, draw_object, look_at, save_html, show_rank
+from drake_polygrasp.visualization import (
+    draw_grasps,
+    draw_object,
+    look_at,
+    save_html,
+    show_plan,
+    show_rank,
+)
 from drake_polygrasp.visualization.labels import label_F, number_shape
 from drake_polygrasp.visualization.meshes import FEW
 from drake_polygrasp.visualization.palette import CONTACTS, PLANE, rgb
-from drake_polygrasp.visualization.scene import FORCE_SCALE
+from drake_polygrasp.visualization.precision import FINE, NORMALS_CHANGE, placement_words
+from drake_polygrasp.visualization.shown_grasp import FORCE_SCALE
 from drake_polygrasp.wrenches.contacts import edge_forces
-from tests.support.planned import MODELS, model, planned
+from tests.support.planned import MODELS, exact_plan, model, planned
 
 ROOT = Path(__file__).parents[2]
 TIP = 0.004
@@ -61,6 +69,9 @@ class Recorder:
     def SetTriangleMesh(self, path: str, p: Array, index: Array, *_: Any, **__: Any) -> None:
         self.paths.add(path)
         self.meshes[path] = p.T[index.T]
+
+    def SetCameraPose(self, eye: Array, target: Array) -> None:
+        self.camera = eye, target
 
     def SetLineSegments(self, path: str, *_: Any) -> None:
         self.paths.add(path)
@@ -110,19 +121,59 @@ def test_the_faces_that_are_drawn_have_their_area_and_close_around_the_object(pa
     assert np.abs(area.sum(axis=0)).max() < 1e-6 * total
 
 
+VIEWS = [
+    np.array([np.cos(a) * np.cos(e), np.sin(a) * np.cos(e), np.sin(e)])
+    for a, e in ((-1.0, 0.4), (0.6, 0.8), (2.0, 0.4), (3.9, 0.8))
+]
+
+
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
-def test_every_number_stands_upright_within_its_face(path: Path) -> None:
+def test_every_number_stands_upright_for_the_eye_within_its_face(path: Path) -> None:
     polyhedron = load_object(path).polyhedron
-    for face in polyhedron.faces:
-        label = label_F(face, 71, 0.06 * polyhedron.diameter, face.p_BF[None])
+    for face, eye in itertools.product(polyhedron.faces, VIEWS):
+        label = label_F(face, 71, 0.06 * polyhedron.diameter, face.p_BF[None], eye)
         assert shapely.contains(face.polygon_F, label)
+        # Where the number's own right and up, of digits that are 1 high, are on the face.
+        shape = shapely.get_coordinates(number_shape(71))
+        flat = np.linalg.lstsq(np.c_[shape, np.ones(len(shape))], shapely.get_coordinates(label))[0]
+        assert np.linalg.det(flat[:2]) > 0  # not mirrored, seen from outside
+        right_B, up_B = flat[:2] @ face.R_BF[:, :2].T / np.sqrt(np.linalg.det(flat[:2]))
         outward = face.R_BF[:, 2]
-        up = np.eye(3)[1 if abs(outward[2]) > 0.9 else 2]
-        right = np.cross(up, outward)
-        xyz = shapely.get_coordinates(label) @ face.R_BF[:, :2].T
-        # The 7 is left of the 1, seen from outside, and its bar is at the top.
-        seven = xyz[xyz @ right < (xyz @ right).mean()]
-        assert seven[np.argmin(seven @ right)] @ up > (seven @ up).mean()
+        if outward @ eye > 0.05:  # straight up in the picture
+            across = np.cross((0, 0, 1), eye)
+            assert up_B @ across == pytest.approx(0, abs=1e-9)
+            assert up_B @ np.cross(eye, across) > 0
+        else:
+            away_B = -eye if abs(outward[2]) > 0.9 else np.array([0.0, 0.0, 1.0])
+            assert right_B @ away_B == pytest.approx(0, abs=1e-9)
+            assert up_B @ away_B > 0
+
+
+def test_a_number_does_not_hide_a_contact_behind_its_face_from_the_eye() -> None:
+    cube = load_object(model("cube")).polyhedron
+    eye = np.array([0.6, 0.0, 0.8])
+    top = next(face for face in cube.faces if face.R_BF[2, 2] > 0.9)
+    behind = top.p_BF - 0.02 * eye  # seen at the middle of the face
+    label = label_F(top, 8, 0.01, behind[None], eye)
+    assert shapely.distance(label, shapely.Point(0, 0)) > 0.003
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda p: p.stem)
+def test_all_that_is_drawn_of_all_grasps_fits_a_square_picture(path: Path) -> None:
+    recorder = Recorder()
+    object_, grasps = planned(path.stem)
+    draw_grasps(recorder, object_, grasps, tip_radius=0.0)  # type: ignore[arg-type]
+    best, others = (grasps[0], grasps[1:]) if grasps else (None, ())
+    look_at(recorder, object_, best, others=others)  # type: ignore[arg-type]
+    eye, target = recorder.camera
+    forward = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(forward, (0, 0, 1))
+    right /= np.linalg.norm(right)
+    meshes = [mesh.reshape(-1, 3) for mesh in recorder.meshes.values()]
+    seen = np.concatenate([*meshes, object_.p_BBcm[None]]) - eye
+    across = np.abs(seen @ np.array([right, np.cross(right, forward)]).T).max(axis=1)
+    share = (across / (seen @ forward)).max() / np.tan(np.radians(15))
+    assert 0.85 < share < 1
 
 
 def test_numbers_are_seen_from_outside_only() -> None:
@@ -312,12 +363,38 @@ def test_the_panel_says_what_a_grasp_bears(tmp_path: Path) -> None:
     save_html(tmp_path / "cube.html", Meshcat(), [grasp])
     page = (tmp_path / "cube.html").read_text()
     for name, value in (
-        ("bears at once: misses of", "2.5 mm"),
+        ("contacts off by", "2.5 mm"),
         ("normals off by", "5.73 degrees"),
         ("friction less by", "10 percent"),
-        ("squeeze then", f"{grasp.region.squeeze_force:.3g} N"),
+        ("squeeze then, all fingers", f"{grasp.region.squeeze_force:.3g} N"),
     ):
         assert f'["{name}", "{value}"]' in page
+    assert FINE not in page and NORMALS_CHANGE not in page
+
+
+def test_words_say_what_a_placement_under_a_millimetre_means() -> None:
+    cube = load_object(model("cube"))
+    (grasp,) = plan_grasps(cube, top=1, effort="quick").grasps
+    assert grasp.region is not None and grasp.certificate.placement_tolerance > 1e-3
+    assert placement_words(grasp) == ""
+    narrow = replace(grasp, certificate=replace(grasp.certificate, placement_tolerance=0.0009))
+    assert placement_words(narrow) == NORMALS_CHANGE
+    assert placement_words(replace(narrow, region=None)) == FINE
+    half = replace(grasp.region, placement_error=np.full(3, 0.0005))
+    assert placement_words(replace(narrow, region=half)) == FINE
+
+
+def test_show_plan_draws_in_the_meshcat_it_is_given_or_in_a_new_one() -> None:
+    plan = exact_plan(load_object(model("cube")), top=2)
+    meshcat = Meshcat()
+    assert show_plan(plan, meshcat) is meshcat
+    for shown in (meshcat, show_plan(plan)):
+        assert shown.HasPath("/drake/polygrasp/grasps/2")
+    nothing = exact_plan(load_object(model("tetrahedron")))
+    assert not nothing.grasps
+    shown = show_plan(nothing)
+    assert shown.HasPath("/drake/polygrasp/object")
+    assert not shown.HasPath("/drake/polygrasp/grasps/1")
 
 
 def test_contacts_differ_in_lightness_for_grey_print() -> None:
