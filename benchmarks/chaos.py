@@ -4,9 +4,12 @@
 
 A fifth of the objects abort their process, hang, take all memory or are malformed. The driver is
 killed with signal 9 at random moments, and resumed each time; so are children, now and then. With
-`--engine dask` the driver goes on, and three workers of its LocalCluster are killed instead. Then
-every key has one result, every sound object a grasp file that verifies, no process has outlived a
-kill by two seconds, and sound objects were started twice at most as often as kills can explain.
+`--engine dask` the driver goes on, and three workers of its LocalCluster are killed instead.
+Moments follow events of the batch, not the clock: so many objects started, a file or a row being
+written. Between two kills the children start no more than a share of the objects, so that there is
+work left for the last kill on any machine. Then every key has one result, every sound object a
+grasp file that verifies, no process has outlived a kill by two seconds, and sound objects were
+planned again at most as often as kills can explain.
 """
 
 from __future__ import annotations
@@ -20,13 +23,15 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
+from benchmarks.chaos_moments import Progress, await_moment, await_starts, descendants, lines_of
 from drake_polygrasp import verify_file
 from drake_polygrasp.batch.reading import read_rows
 from drake_polygrasp.batch.request import make_batch_request
@@ -37,8 +42,8 @@ from tests.support.convex_polyhedra import prism, write_obj
 from tests.support.solids import regular_polygon
 
 ROOT = Path(__file__).resolve().parents[1]
-LOG = "CHAOS_LOG"
-"""Environment variable that names the file in which children say what they start."""
+FOLDER = "CHAOS_FOLDER"
+"""Environment variable that names the folder in which children say what they start."""
 BAD = {"abort": "crash", "hang": "timeout", "hog": "out_of_memory", "broken": "bad_model"}
 """Kinds of objects that end badly, and the status of their results."""
 KINDS = ("abort", "hog", "broken", "abort", "hang", "broken", "hog", "abort")
@@ -55,61 +60,77 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.chaos", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--objects", type=int, default=500, help="how many (default: 500)")
-    parser.add_argument("--kills", type=int, default=20, help="kills of drivers (default: 20)")
+    parser.add_argument("--kills", type=int, help="of drivers (default: 20) or Dask's workers (3)")
     parser.add_argument("--engine", choices=("local", "threads", "dask"), default="local")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--drive", metavar="FOLDER", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    num_objects, engine, seed = arguments.objects, arguments.engine, arguments.seed
+    num_kills = arguments.kills or (KILLED_WORKERS if engine == "dask" else 20)
+    if share_of_kill(num_objects, num_kills) < 1:
+        parser.error(f"{num_kills} kills need more --objects than {num_objects}")
     if arguments.drive is not None:
-        drive(arguments.drive, arguments.engine, arguments.seed)
+        drive(arguments.drive, num_objects, num_kills, engine, seed)
         return 0
     with tempfile.TemporaryDirectory() as folder:
-        faults = chaos(
-            Path(folder), arguments.objects, arguments.kills, arguments.engine, arguments.seed
-        )
+        faults = chaos(Path(folder), num_objects, num_kills, engine, seed)
     print(*faults or ["the promise holds"], sep="\n")
     return 1 if faults else 0
 
 
-def chaos(folder: Path, num_objects: int, num_kills: int, engine: str, seed: int) -> list[str]:
+def share_of_kill(num_objects: int, num_kills: int) -> int:
+    """How many objects may be started before each kill, so that some are left after the last."""
+    return (num_objects - SLOTS - 1) // num_kills
+
+
+def chaos(
+    folder: Path,
+    num_objects: int,
+    num_kills: int,
+    engine: str,
+    seed: int,
+    alive_seconds: float = ALIVE_SECONDS,
+) -> list[str]:
     """Runs a batch to its end through kills, and returns how its promise is broken."""
     write_library(folder / "parts", num_objects)
-    (folder / "log").touch()
-    chance, faults, kills = random.Random(seed), [], 0
+    progress, share = Progress(folder), share_of_kill(num_objects, num_kills)
+    chance, moments = random.Random(seed), Counter[str]()
+    faults, kills = [], 0
+    options = ["--objects", str(num_objects), "--kills", str(num_kills), "--engine", engine]
     start = time.monotonic()
-    while True:
-        driver = start_driver(folder, engine, seed + kills)
-        if engine == "dask" or kills >= num_kills:
-            try:
-                code = driver.wait(PATIENCE * num_objects)
-            except subprocess.TimeoutExpired:
-                driver.kill()
-                code = driver.wait()
-            break
-        # Most are killed when children work; some while they start, or before there are any.
-        if chance.random() < 0.8:
-            await_start(folder / "log", driver)
-        with suppress(subprocess.TimeoutExpired):
-            code = driver.wait(chance.uniform(0.05, 2.0))
-            break
+    while engine != "dask" and kills < num_kills:
+        progress.allow(progress.starts + share)
+        driver = start_driver(folder, [*options, "--seed", str(seed + kills)])
+        moments[await_moment(progress, share, chance, driver)] += 1
+        if driver.poll() is not None:
+            return [f"the driver ended before kill {kills + 1}: {said_by(folder)}"]
         below = descendants(driver.pid)
         if below and chance.random() < 0.3:
             with suppress(ProcessLookupError):
                 os.kill(chance.choice(below), signal.SIGKILL)
-            kills += 1
+                kills += 1
             time.sleep(chance.uniform(0.0, 1.0))
             below += descendants(driver.pid)
         driver.kill()
         driver.wait()
         kills += 1
-        faults += outlived(below)
+        faults += outlived(below, alive_seconds)
+    if engine != "dask":
+        progress.allow(None)
+    driver = start_driver(folder, [*options, "--seed", str(seed + kills)])
+    try:
+        code = driver.wait(PATIENCE * num_objects)
+    except subprocess.TimeoutExpired:
+        driver.kill()
+        code = driver.wait()
     if code != 0:
-        faults.append(f"the driver ended with {code}")
-    if engine != "dask" and kills < num_kills:
-        faults.append(f"only {kills} kills: give more --objects")
-    kills += KILLED_WORKERS if engine == "dask" else 0
+        faults.append(f"the driver ended with {code}: {said_by(folder)}")
+    kills += progress.killed_workers
+    if kills < num_kills:
+        faults.append(f"only {kills} kills")
     seconds = time.monotonic() - start
-    print(f"{engine}: {num_objects} objects, {kills} kills, {seconds:.0f} s", flush=True)
+    when = ", ".join(f"{count} {moment}" for moment, count in sorted(moments.items()))
+    print(f"{engine}: {num_objects} objects, {kills} kills, {seconds:.0f} s; drivers: {when or 0}")
     return faults + broken_promises(folder, num_objects, kills)
 
 
@@ -127,9 +148,12 @@ def write_library(folder: Path, num_objects: int) -> None:
 
 def plan_or_misbehave(**request: Any) -> dict[str, Any]:
     """What children run: the planner, or what becomes of a bad object."""
-    name = Path(request["model"]).stem
-    with open(os.environ[LOG], "a") as log:  # noqa: PTH123 - one write, which is atomic
-        log.write(f"{name}\n")
+    name, progress = Path(request["model"]).stem, Progress(Path(os.environ[FOLDER]))
+    adopts = bool(request.get("file"))
+    if not adopts:
+        progress.add_start(name)
+        while progress.is_held():
+            time.sleep(0.01)
     match name.partition("_")[2]:
         case "abort":
             os.abort()
@@ -139,26 +163,38 @@ def plan_or_misbehave(**request: Any) -> dict[str, Any]:
             blocks = [bytearray(os.urandom(1 << 20)) * 64 for _ in range(10_000)]
             return {"status": "ok", "blocks": len(blocks)}
     print("a library that prints", name)
-    return plan_model(**request)
+    row = plan_model(**request)
+    if adopts and "text" in row:  # It was planned again, for the file did not hold.
+        progress.add_start(name)
+    return row
 
 
-def start_driver(folder: Path, engine: str, seed: int) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "benchmarks.chaos", "--drive", str(folder)]
-    return subprocess.Popen(
-        [*command, "--engine", engine, "--seed", str(seed)],
-        cwd=ROOT,
-        env=os.environ | {LOG: str(folder / "log")},
-    )
+def start_driver(folder: Path, options: list[str]) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "benchmarks.chaos", "--drive", str(folder), *options]
+    with (folder / "said").open("wb") as said:
+        return subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env=os.environ | {FOLDER: str(folder)},
+            stdout=said,
+            stderr=said,
+        )
 
 
-def drive(folder: Path, engine: str, seed: int) -> None:
+def said_by(folder: Path) -> str:
+    """The last lines that the last driver printed."""
+    return " | ".join((folder / "said").read_text(errors="replace").splitlines()[-10:])
+
+
+def drive(folder: Path, num_objects: int, num_kills: int, engine: str, seed: int) -> None:
     """Runs the batch, as the process that is killed."""
     with ExitStack() as stack:
         executor: Executor | None = None
         if engine == "threads":
             executor = stack.enter_context(ThreadPoolExecutor(SLOTS))
         elif engine == "dask":
-            executor = stack.enter_context(dask_under_fire(seed))
+            share = share_of_kill(num_objects, num_kills)
+            executor = stack.enter_context(dask_under_fire(folder, share, num_kills, seed))
         request = make_batch_request(
             folder / "parts",
             folder / "out",
@@ -178,48 +214,42 @@ def drive(folder: Path, engine: str, seed: int) -> None:
             sys.exit(3)
 
 
-def dask_under_fire(seed: int) -> Any:
+@contextmanager
+def dask_under_fire(folder: Path, share: int, num_kills: int, seed: int) -> Iterator[Executor]:
     """A LocalCluster's executor; workers are killed while it runs."""
     distributed = import_module("distributed")
-    cluster = distributed.LocalCluster(
-        n_workers=SLOTS, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    )
+    progress, chance = Progress(folder), random.Random(seed)
+
+    def wait_for(event: Callable[[], bool]) -> None:
+        while not (event() or progress.is_held()):
+            time.sleep(0.01)
 
     def fire() -> None:
-        chance = random.Random(seed)
-        for _ in range(KILLED_WORKERS):
-            time.sleep(chance.uniform(4.0, 8.0))
-            with suppress(Exception):
-                worker = chance.choice(list(cluster.workers.values()))
-                os.kill(worker.process.process.pid, signal.SIGKILL)
+        for _ in range(num_kills):
+            progress.allow(progress.starts + share)
+            await_starts(progress, share, chance, wait_for)
+            time.sleep(chance.uniform(0.0, 0.3))
+            while not kill_worker():  # One that starts has no process yet.
+                time.sleep(0.01)
+            progress.add_killed_worker()
+        progress.allow(None)
 
-    Thread(target=fire, daemon=True).start()
-    return distributed.Client(cluster).get_executor()
+    def kill_worker() -> bool:
+        with suppress(Exception):
+            worker = chance.choice(list(cluster.workers.values()))
+            os.kill(worker.process.process.pid, signal.SIGKILL)
+            return True
+        return False
 
-
-def await_start(log: Path, driver: subprocess.Popen[bytes]) -> None:
-    """Waits until a child starts an object, or there is nothing left to start."""
-    size = log.stat().st_size
-    while log.stat().st_size == size and driver.poll() is None:
-        time.sleep(0.01)
-
-
-def descendants(process: int) -> list[int]:
-    """The processes below one, as /proc has them."""
-    parents: dict[int, int] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            with suppress(OSError, IndexError):
-                parents[int(entry.name)] = int(
-                    (entry / "stat").read_text().rpartition(")")[2].split()[1]
-                )
-    found, waiting = [], [process]
-    while waiting:
-        parent = waiting.pop()
-        below = [child for child, its in parents.items() if its == parent]
-        found += below
-        waiting += below
-    return found
+    progress.allow(0)
+    with (
+        distributed.LocalCluster(
+            n_workers=SLOTS, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        Thread(target=fire, daemon=True).start()
+        yield client.get_executor()
 
 
 def is_alive(process: int) -> bool:
@@ -230,12 +260,12 @@ def is_alive(process: int) -> bool:
         return False
 
 
-def outlived(processes: list[int]) -> list[str]:
-    deadline = time.monotonic() + ALIVE_SECONDS
+def outlived(processes: list[int], seconds: float) -> list[str]:
+    deadline = time.monotonic() + seconds
     while any(map(is_alive, processes)) and time.monotonic() < deadline:
         time.sleep(0.02)
     alive = [process for process in processes if is_alive(process)]
-    return [f"{len(alive)} processes outlived a kill by 2 s"] if alive else []
+    return [f"{len(alive)} processes outlived a kill by {seconds:g} s"] if alive else []
 
 
 def broken_promises(folder: Path, num_objects: int, kills: int) -> list[str]:
@@ -260,11 +290,11 @@ def broken_promises(folder: Path, num_objects: int, kills: int) -> list[str]:
         faults.append(
             f"files of no row: {files - expected_files}; missing: {expected_files - files}"
         )
-    starts = Counter((folder / "log").read_text().split())
+    starts = Counter(lines_of(folder / "starts"))
     again = sum(n - 1 for name, n in starts.items() if name.endswith("_sound"))
-    print(f"sound objects were started again {again} times in {kills} kills", flush=True)
+    print(f"sound objects were planned again {again} times in {kills} kills", flush=True)
     if again > SLOTS * kills:
-        faults.append(f"sound objects were started again {again} times, in {kills} kills")
+        faults.append(f"sound objects were planned again {again} times, in {kills} kills")
     return faults
 
 
