@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_polygrasp.cli.calls import planning_options
+from drake_polygrasp.cli.plan_table import error_columns, error_lines
 from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, print_error, print_warnings
 from drake_polygrasp.cli.table import align_columns
 from drake_polygrasp.cli.values import read_component, read_mass, read_seconds, read_seed
@@ -50,7 +51,8 @@ def add_hand_options(parser: argparse.ArgumentParser) -> None:
         "--hand",
         metavar="HAND.yaml",
         help="write grasps that this hand can make, with its posture, joint torques and a clear "
-        "way there; contacts keep 0.3 tip radii from edges, and errors are 0 unless given",
+        "way there; contacts keep 0.3 tip radii from edges, and default errors do not change the "
+        "search",
     )
     group.add_argument(
         "--up",
@@ -158,21 +160,45 @@ _COLUMNS = (
     "before closing; way: direction in the body's frame in which the palm moves away"
 )
 
+_SQUEEZE = (
+    "squeeze: total normal force of the fingers; a warning says where the errors that a grasp "
+    "bears ask for more"
+)
+
 
 def _table(model: str, hand: str, plan: HandPlan, output: Path) -> str:
     """Returns the table of grasps, best first, one per row."""
+    from drake_polygrasp.hands.squeeze import total_normal
+
     header = ("rank", "faces", "fingers", "epsilon", "effort", "clearance", "opening", "way")
     units = ("", "", "", "", "[percent]", "[mm]", "[mm]", "")
     rows = [_row(rank, grasp) for rank, grasp in enumerate(plan.grasps, start=1)]
+    certified = [grasp.certified for grasp in plan.grasps]
+    # The squeeze under errors is stated for the object's own mass; a load may have another.
+    bears = [cells[:1] for cells in error_columns(plan.settings, certified)]
+    forces = [total_normal(g.certified.grasp, g.torque.f_Bc_B) for g in plan.grasps]
+    squeezes = [("squeeze",), ("[N]",), *((f"{force:.1f}",) for force in forces)]
     return "\n".join(
         [
-            f"{model}: {len(plan.grasps)} grasps that '{hand}' can make, {plan.tried} of "
+            f"{model}: {_many(len(plan.grasps), 'grasp')} that '{hand}' can make, {plan.tried} of "
             f"{plan.candidates} candidates tried{_counts(plan)}",
-            *align_columns([header, units, *rows]),
-            *([_COLUMNS] if rows else []),
+            *align_columns(
+                [
+                    (*row, *squeeze, *misses)
+                    for row, squeeze, misses in zip(
+                        [header, units, *rows], squeezes, bears, strict=True
+                    )
+                ]
+            ),
+            _COLUMNS,
+            *error_lines(plan.settings, certified, _SQUEEZE),
             f"wrote {output}",
         ]
     )
+
+
+def _many(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _row(rank: int, grasp: HandGrasp) -> tuple[str, ...]:

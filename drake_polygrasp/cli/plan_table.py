@@ -55,11 +55,21 @@ def _plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
     ]
 
 
-def _error_columns(plan: GraspPlan) -> list[tuple[str, ...]]:
-    """Returns the cells "bears" and "then" of header, units and rows; none without errors."""
-    if not plan.settings.has_errors:
-        return [()] * (2 + len(plan.grasps))
-    cells = [_bears_cells(grasp.region) for grasp in plan.grasps]
+_THEN = "squeeze holds the weight with exact contacts, then: with all these errors"
+
+
+def error_columns(
+    settings: PlanSettings, grasps: Sequence[CertifiedGrasp]
+) -> list[tuple[str, ...]]:
+    """Returns the cells "bears" and "then" of header, units and rows; none without errors.
+
+    Args:
+        settings: those of the plan.
+        grasps: its grasps, best first.
+    """
+    if not settings.has_errors:
+        return [()] * (2 + len(grasps))
+    cells = [_bears_cells(grasp.region) for grasp in grasps]
     return [("bears", "then"), ("[mm]", "[N]"), *cells]
 
 
@@ -71,20 +81,28 @@ def _bears_cells(region: RegionCertificate | None) -> tuple[str, str]:
     return f"{1e3 * region.placement_error.min():.2f}", squeeze
 
 
-def _error_lines(plan: GraspPlan) -> list[str]:
-    """Returns what "bears" and "then" stand for, and which grasps bear less than was asked."""
-    if not plan.settings.has_errors:
+def error_lines(
+    settings: PlanSettings, grasps: Sequence[CertifiedGrasp], squeeze: str
+) -> list[str]:
+    """Returns what "bears" stands for, and which grasps bear less than was asked.
+
+    Args:
+        settings: those of the plan.
+        grasps: its grasps, best first.
+        squeeze: line on the squeeze under these errors.
+    """
+    if not settings.has_errors:
         return []
-    errors = ["" if g.region is None else _errors_text(g.region) for g in plan.grasps]
-    asked = _errors_text(plan.settings)
+    errors = ["" if g.region is None else _errors_text(g.region) for g in grasps]
+    asked = _errors_text(settings)
     lines = [
         "bears: proved to hold with each contact off by this much along its face and, at once, "
         f"{asked}",
-        "squeeze holds the weight with exact contacts, then: with all these errors",
+        squeeze,
     ]
     return lines + [
-        f"{grasps}: {text or 'not proved to bear any errors'}"
-        for grasps, text in _by_ranks(errors)
+        f"{which}: {text or 'not proved to bear any errors'}"
+        for which, text in _by_ranks(errors)
         if text != asked
     ]
 
@@ -139,7 +157,10 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
     cells = [
         (*row, *bears, *plant)
         for row, bears, plant in zip(
-            [header, units, *rows], _error_columns(plan), _plant_column(plan.grasps), strict=True
+            [header, units, *rows],
+            error_columns(plan.settings, plan.grasps),
+            _plant_column(plan.grasps),
+            strict=True,
         )
     ]
     num_faces = len(object_.polyhedron.faces)
@@ -148,7 +169,7 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
         [
             f"{head}, {_counts(plan)}",
             *align_columns(cells),
-            *_error_lines(plan),
+            *error_lines(plan.settings, plan.grasps, _THEN),
             *_plant_lines(plan.grasps),
             *_placement_lines(object_, plan.grasps),
             f"wrote {output}",

@@ -15,6 +15,7 @@
 | posture.py | postures that touch contacts, by inverse kinematics: `find_posture` |
 | measured_posture.py | how well a posture touches the contacts, and what it is clear of |
 | torque.py | joint torques that squeeze and hold: `holding_torque` |
+| squeeze.py | how hard a hand squeezes, beside what errors ask for |
 | approach.py | how fingers open, and a straight way to the object: `find_pregrasp` |
 | hand_search.py | all of these for many candidates, breadth-first: `HandSearch` |
 """

@@ -27,6 +27,7 @@ from drake_polygrasp.hands.hand import Hand
 from drake_polygrasp.hands.measured_posture import Posture, tips_fit
 from drake_polygrasp.hands.posture import HAND_CLEARANCE, HOPELESS_OVERLAP, find_posture
 from drake_polygrasp.hands.scene import HandScene
+from drake_polygrasp.hands.squeeze import region_squeeze
 from drake_polygrasp.hands.starts import Start, best_starts
 from drake_polygrasp.hands.torque import FRICTION_SHARE, Load, friction_refusal, holding_torque
 from drake_polygrasp.search.reach import Reach
@@ -233,15 +234,13 @@ def hand_load(scene: HandScene, grasp: AnyGrasp, options: HoldOptions) -> Load:
 
     Args:
         scene: hand and object.
-        grasp: a grasp; the squeeze of its region certificate is asked for, if it has one.
+        grasp: a grasp; the squeeze that its region asks for is asked for, if it has one.
         options: what the grasp must do.
     """
     object_ = scene.object_
     region = None if isinstance(grasp, Grasp) else grasp.region
     mass = object_.mass if options.mass is None else options.mass
-    squeeze = None if region is None else region.squeeze_force
-    if squeeze is not None and options.mass is not None and object_.mass is not None:
-        squeeze *= options.mass / object_.mass
+    squeeze = region_squeeze(region, object_.mass, mass)
     return Load(mass, object_.p_BBcm, object_.rho, options.up_B, squeeze)
 
 

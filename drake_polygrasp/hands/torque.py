@@ -17,6 +17,7 @@ from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.digits import at_least
 from drake_polygrasp.grasp import Grasp
 from drake_polygrasp.hand_grasp import HandRefusal, HandTorque
+from drake_polygrasp.hands.squeeze import total_normal
 from drake_polygrasp.wrenches.support import cone_wrenches
 
 FRICTION_SHARE = 0.8
@@ -44,8 +45,8 @@ class Load:
         p_BBcm: centre of mass [m], shape (3,).
         rho: length by which torques are divided [m].
         up_B: unit vector against gravity, shape (3,); None for every orientation.
-        squeeze: total normal force that the squeeze should have at least [N], such as that of a
-            region certificate; None for the usual one.
+        squeeze: total normal force that the squeeze should have at least [N], where the efforts
+            allow it, such as that of a region certificate; None for the usual one.
     """
 
     mass: float | None
@@ -282,30 +283,36 @@ def holding_torque(
 
 
 def _squeeze(grasp: Grasp, forces: HandForces, load: Load, share: float, carrying: Array) -> Array:
-    """Mixes the firmest forces with the least so that normal forces add up to no more than needed.
+    """Returns the forces of the usual squeeze, or of a harder one if the load asks for it.
+
+    Where the efforts do not reach what it asks for, they are all used.
+    """
+    weight = 0.0 if load.mass is None else load.mass * GRAVITY
+    most = max(MIN_SQUEEZE, SQUEEZE_PER_WEIGHT * weight / float(grasp.mu.min()))
+    allowed = min(max(SQUEEZE_SHARE, SHARE_ABOVE_LOADS * share), 1.0)
+    usual = _mixed(grasp, forces, load, allowed, most, carrying)
+    if load.squeeze is None or total_normal(grasp, usual) >= load.squeeze:
+        return usual
+    harder = _mixed(grasp, forces, load, 1.0, load.squeeze, carrying)
+    return max(usual, harder, key=lambda f_Bc_B: total_normal(grasp, f_Bc_B))
+
+
+def _mixed(
+    grasp: Grasp, forces: HandForces, load: Load, allowed: float, most: float, carrying: Array
+) -> Array:
+    """Mixes the firmest forces with the least so that normal forces add up to no more than `most`.
 
     Both are in the cones and in balance, and so is every mixture.
     """
-    weight = 0.0 if load.mass is None else load.mass * GRAVITY
-    most = max(
-        MIN_SQUEEZE, SQUEEZE_PER_WEIGHT * weight / float(grasp.mu.min()), load.squeeze or 0.0
-    )
-    allowed = min(max(SQUEEZE_SHARE, SHARE_ABOVE_LOADS * share), 1.0)
-    if load.squeeze is not None:
-        allowed = 1.0  # Its normal forces are needed, not only welcome.
     # Without a bound of the efforts, the firmest forces have the greatest sum that is allowed.
     firmest = forces.firmest(load.carried_B, allowed, 10.0 * most)
     if firmest is None:
         return carrying
-    least, greatest = _total_normal(grasp, carrying), _total_normal(grasp, firmest)
+    least, greatest = total_normal(grasp, carrying), total_normal(grasp, firmest)
     if greatest <= most:
         return firmest
     part = max(most - least, 0.0) / max(greatest - least, 1e-9)
     return np.asarray(carrying + part * (firmest - carrying))
-
-
-def _total_normal(grasp: Grasp, f_Bc_B: Array) -> float:
-    return float((grasp.nhat_TB_B * f_Bc_B).sum())
 
 
 def _slips(load: Load, weight_B: Array, friction_share: float) -> HandRefusal:

@@ -18,6 +18,7 @@
 | explain.py | `explain_sets`: what became of every set of faces |
 | hand_candidates.py | proposes and proves grasps that a hand may reach |
 | hand_options.py | the options of a hand's grasps, checked |
+| hand_errors.py | proves the errors that grasps of a hand bear, and squeezes as they ask for |
 | one_hand_grasp.py | `hand_grasp_for`: how a hand makes a grasp that is there already |
 | hand_plan.py | the plan of a hand, and why candidates are refused, in words |
 | hand_grasps.py | `plan_hand_grasps` |

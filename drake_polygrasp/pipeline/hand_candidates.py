@@ -72,9 +72,9 @@ class HandCandidates:
         return self.judge.work.candidates.set_index[self.rows]
 
     @property
-    def has_errors(self) -> bool:
-        """Whether grasps are to bear any errors."""
-        return self.judge.work.request.errors is not None
+    def request(self) -> PlanRequest:
+        """What was asked of contacts."""
+        return self.judge.work.request
 
     def take(self, order: Ints) -> HandCandidates:
         """Returns some of the grasps, in another order.
@@ -93,7 +93,7 @@ class HandCandidates:
         return grasp_at(self.judge, int(self.rows[index]))
 
     def certified(self, index: int) -> CertifiedGrasp:
-        """Returns a grasp with its certificate, and with the errors that it bears.
+        """Returns a grasp with its certificate, for exact contacts.
 
         Args:
             index: its position in `rows`.
@@ -113,8 +113,8 @@ def propose_with_clearance(
 
     Args:
         object_: what to grasp.
-        options: what is asked of contacts; without an edge clearance, it is `EDGE_CLEARANCE` tip
-            radii, or less where no candidate is left.
+        options: what is asked of contacts, of errors only those that are given; without an edge
+            clearance, it is `EDGE_CLEARANCE` tip radii, or less where no candidate is left.
         reach: what the hand reaches.
         hand: the hand.
         clearance: distance of fingertips from obstacles [m].
@@ -132,7 +132,8 @@ def propose_with_clearance(
         wide = EDGE_CLEARANCE * options.tip_radius
         tried = [wide, 0.5 * wide, None]
     for edge_clearance in tried:
-        request = make_request(object_, replace(options, edge_clearance=edge_clearance))
+        asked = replace(options.without_default_errors, edge_clearance=edge_clearance)
+        request = make_request(object_, asked)
         found = propose_for_hand(request, reach, hand.fingers, clearance=clearance, seed=seed)
         if len(found.rows):
             break

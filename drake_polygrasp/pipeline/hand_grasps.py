@@ -23,21 +23,24 @@ from drake_polygrasp.arguments import (
     check_seed,
 )
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.hand_grasp import HandGrasp
 from drake_polygrasp.hands.hand import Hand
-from drake_polygrasp.hands.hand_search import HandSearch, HeldGrasp, HoldOptions, hand_grasp
+from drake_polygrasp.hands.hand_search import HandSearch, HeldGrasp
 from drake_polygrasp.hands.library import hand_reach
 from drake_polygrasp.hands.scene import HandScene
 from drake_polygrasp.loading.surroundings import Surroundings
+from drake_polygrasp.pipeline.fallback import errors_in_turn, make_requests
 from drake_polygrasp.pipeline.freed_memory import keep_freed_memory
 from drake_polygrasp.pipeline.hand_candidates import (
     HandCandidates,
     in_order_of_overlap,
     propose_with_clearance,
 )
+from drake_polygrasp.pipeline.hand_errors import hand_grasp_under_errors, weak_squeezes
 from drake_polygrasp.pipeline.hand_options import hold_options, obstacles_around, with_fingers
 from drake_polygrasp.pipeline.hand_plan import HandPlan, count_refusals, no_candidates, unchecked
+from drake_polygrasp.pipeline.region_certificates import prove_errors
 from drake_polygrasp.search.reach import Reach, tip_distances
 from drake_polygrasp.settings import PlanOptions
 
@@ -64,10 +67,10 @@ def plan_hand_grasps(
     approach: float = 0.1,
     fingers: Iterable[Iterable[str]] | None = None,
     rank: HandRank = "epsilon",
-    placement_error: float = 0.0,
-    tilt_error: float = 0.0,
-    friction_error: float = 0.0,
-    com_error: float = 0.0,
+    placement_error: float | None = None,
+    tilt_error: float | None = None,
+    friction_error: float | None = None,
+    com_error: float | None = None,
     budget: float = 10.0,
     seed: int = 0,
     package_paths: Sequence[str | Path] = (),
@@ -81,6 +84,13 @@ def plan_hand_grasps(
         print(plan.grasps[0].X_BPalm, plan.grasps[0].q, plan.grasps[0].torque.share)
 
     The same input gives the same grasps on one machine, unless `budget` ends the search.
+
+    Each grasp's `region` states and proves the errors of hand and model that it bears, all at once.
+    Default errors, in the object's diameter L, are those of `plan_grasps`. They do not change the
+    search: a grasp that does not bear them all is tried for half and a quarter, and `region` is
+    None where none are proved. Ranking by epsilon, grasps that bear all errors come first, and the
+    least epsilon under them counts. The torques squeeze as hard as the errors ask for; if that is
+    beyond the hand's efforts, with all of them, and a warning says so.
 
     Args:
         object_: object to grasp, loaded from a file.
@@ -103,10 +113,14 @@ def plan_hand_grasps(
         fingers: triples of names of tips that may grasp (default: those of the description).
         rank: order of the grasps: "epsilon", or "torque", the least share of the hand's effort.
         placement_error: distance by which a contact may miss its place along its face, in any
-            direction [m]. Contacts keep at least this distance from edges.
-        tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5.
-        friction_error: share by which friction coefficients may be less, 0 to below 1.
-        com_error: distance by which the centre of mass may be off, in any direction [m].
+            direction [m] (default: 0.02 L). If given, contacts keep at least this distance from
+            edges.
+        tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5 (default: 5
+            degrees).
+        friction_error: share by which friction coefficients may be less, 0 to below 1 (default:
+            0.2).
+        com_error: distance by which the centre of mass may be off, in any direction [m] (default:
+            0.02 L).
         budget: time after which no more postures are tried [s]; a second is left for them at
             least.
         seed: seed of the random postures and triples, 0 or more.
@@ -158,80 +172,78 @@ def plan_hand_grasps(
     search = HandSearch(scene, reach, [found.grasp(k) for k in range(len(found.rows))], hold)
     proposed = perf_counter()
     left = max(budget - (proposed - start), _LEAST_SEARCH)
-    made, num_held = _make_grasps(search, found, reach, hold, left, wanted, report)
+    made, num_held = _make_grasps(search, found, left, wanted, report)
     refused = list(search.refusals.values())
     if len(made) == wanted:  # The others were not asked for.
         refused = [one for one in refused if one.reason != "budget"]
     tried = num_held + len(refused)
     if not len(found.rows):
         refused = [no_candidates(object_, hand, _span(reach, hand), found)]
-    made.sort(key=_share if rank == "torque" else _epsilon)
     counts, sentences = count_refusals(refused)
+    if rank == "torque":
+        made.sort(key=lambda one: _share(one[1]))
+    postured = perf_counter()
+    # Postures do not depend on default errors, which are proved of what is returned alone.
+    requests = make_requests(
+        object_, replace(options, edge_clearance=found.request.options.edge_clearance)
+    )
+    errors = errors_in_turn(requests)
+    graded = [
+        hand_grasp_under_errors(
+            found.request.object_, scene, found.certified(k), held, errors, hold
+        )
+        for k, held in made[:top]
+    ]
+    if rank == "epsilon":
+        graded.sort(key=lambda pair: (pair[0], -_least_epsilon(pair[1])))
+    grasps = tuple(grasp for _, grasp in graded)
     seconds = {
         "load": loaded - start,
         "library": drawn - loaded,
         "candidates": proposed - drawn,
-        "postures": perf_counter() - proposed,
+        "postures": postured - proposed,
+        "certify": perf_counter() - postured,
     }
     return HandPlan(
-        tuple(made[:top]),
+        grasps,
         counts,
         sentences,
         len(found.rows),
         tried,
         seconds,
-        found.judge.work.request.settings,
-        (*warnings, *unchecked(hand, made)),
+        requests[0].settings,
+        (*warnings, *unchecked(hand, grasps), *weak_squeezes(object_, grasps)),
     )
 
 
 def _make_grasps(
-    search: HandSearch,
-    found: HandCandidates,
-    reach: Reach,
-    hold: HoldOptions,
-    budget: float,
-    wanted: int,
-    report: Progress,
-) -> tuple[list[HandGrasp], int]:
-    """Returns certified grasps with postures, one on each set of faces, and how many can be held.
+    search: HandSearch, found: HandCandidates, budget: float, wanted: int, report: Progress
+) -> tuple[list[tuple[int, HeldGrasp]], int]:
+    """Returns candidates with postures, one on each set of faces, and how many can be held.
 
-    Where errors are asked for, those that bear them come before others, and squeeze as much as they
-    then need.
+    Where errors are given, candidates that bear them come before others.
     """
-    made: list[HandGrasp] = []
-    others: list[HandGrasp] = []
+    made: list[tuple[int, HeldGrasp]] = []
+    others: list[tuple[int, HeldGrasp]] = []
     num_held = 0
+    given, object_ = found.request.errors, found.request.object_
     report(0, wanted)
     for index, held in search.run(budget):
         num_held += 1
-        certified = found.certified(index)
-        if found.has_errors:
-            again = None
-            if certified.region is not None:
-                again = _held_again(search, reach, certified, hold)
-            if again is None:
-                others.append(hand_grasp(search.scene, replace(certified, region=None), held))
-                continue
-            held = again
-        made.append(hand_grasp(search.scene, certified, held))
+        if given is not None and prove_errors(object_, found.grasp(index), given) is None:
+            others.append((index, held))
+            continue
+        made.append((index, held))
         report(len(made), wanted)
         if len(made) == wanted:
             break
         search.skip(np.flatnonzero(found.set_index == found.set_index[index]).tolist())
-    for grasp in others:
-        sets = {one.certified.grasp.faces for one in made}
-        if len(made) < wanted and grasp.certified.grasp.faces not in sets:
-            made.append(grasp)
+    sets = {int(found.set_index[index]) for index, _ in made}
+    for index, held in others:
+        if len(made) < wanted and int(found.set_index[index]) not in sets:
+            sets.add(int(found.set_index[index]))
+            made.append((index, held))
     return made, num_held
-
-
-def _held_again(
-    search: HandSearch, reach: Reach, certified: CertifiedGrasp, hold: HoldOptions
-) -> HeldGrasp | None:
-    """Returns how the hand holds a grasp that bears errors, with the squeeze that it then needs."""
-    again = HandSearch(search.scene, reach, [certified], hold)
-    return next((held for _, held in again.run(_LEAST_SEARCH)), None)
 
 
 def _span(reach: Reach, hand: Hand) -> Array:
@@ -239,14 +251,14 @@ def _span(reach: Reach, hand: Hand) -> Array:
     return tip_distances(reach, hand.fingers) if len(reach.q) else np.zeros(2)
 
 
-def _epsilon(grasp: HandGrasp) -> tuple[bool, float]:
-    """Returns what orders grasps by epsilon: those that bear errors first, by the least of it."""
+def _least_epsilon(grasp: HandGrasp) -> float:
+    """Returns the lower bound of epsilon under the errors that a grasp bears."""
     region = grasp.certified.region
-    if region is not None and region.epsilon_lower is not None:
-        return False, -region.epsilon_lower
-    return region is None, -grasp.certified.certificate.epsilon_lower
+    if region is None:
+        return grasp.certified.certificate.epsilon_lower
+    return region.epsilon_lower or 0.0
 
 
-def _share(grasp: HandGrasp) -> tuple[bool, float]:
-    share = grasp.torque.share
+def _share(held: HeldGrasp) -> tuple[bool, float]:
+    share = held.torque.share
     return share is None, share or 0.0

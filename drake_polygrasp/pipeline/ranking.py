@@ -22,7 +22,6 @@ from drake_polygrasp.pipeline.region_certificates import (
     Errors,
     ProvedErrors,
     bound_errors,
-    certify_errors,
     prove_errors,
 )
 from drake_polygrasp.settings import Rank
@@ -79,21 +78,17 @@ def grasp_at(judge: Judge, row: int) -> Grasp:
 
 
 def certify_candidate(judge: Judge, row: int) -> CertifiedGrasp:
-    """Certifies one proved candidate, with the errors that the request asks for.
+    """Certifies one proved candidate, for exact contacts.
 
     Args:
         judge: the candidates and their proofs.
         row: index of the candidate.
 
     Returns:
-        The grasp; without a `region` if it is not proved to bear the errors.
+        The grasp with its certificate, without a `region`.
     """
     (certified,) = _certified(judge, [row], [None])
-    errors = judge.work.request.errors
-    if errors is None:
-        return certified
-    region = certify_errors(judge.work.request.object_, certified.grasp, errors)
-    return replace(certified, region=region)
+    return certified
 
 
 def _bearing_errors(

@@ -29,6 +29,7 @@ from drake_polygrasp.hands.measured_posture import (
 )
 from drake_polygrasp.hands.model import load_hand
 from drake_polygrasp.hands.scene import Fingers, HandScene
+from drake_polygrasp.hands.squeeze import squeeze_remark
 from drake_polygrasp.hands.torque import HandForces, Load
 from drake_polygrasp.loading.surroundings import Surroundings
 from drake_polygrasp.verification.report import CheckResult, Status
@@ -107,7 +108,7 @@ class HandCheck:
             fault = f"Drake cannot measure this posture: {error}"
         if fault is not None:
             return CheckResult(Status.FAILED, fault)
-        remarks = self._remarks(self._scene, placement)
+        remarks = self._remarks(self._scene, stated, placement)
         return CheckResult(Status.RECOMPUTED, "; ".join(remarks))
 
     def verdicts(self, stated: StatedGrasp) -> Iterator[PlantVerdict]:
@@ -151,8 +152,10 @@ class HandCheck:
         yield from _torque_violations(scene, grasp, placement.torque, posture)
         yield from _way_violations(scene, grasp, placement, posture, q_before)
 
-    def _remarks(self, scene: HandScene, placement: HandPlacement) -> Iterator[str]:
-        """Yields what was not checked."""
+    def _remarks(
+        self, scene: HandScene, stated: StatedGrasp, placement: HandPlacement
+    ) -> Iterator[str]:
+        """Yields what was not checked, and what the hand does not do."""
         unknown = [name for name in placement.surroundings if name not in scene.surroundings]
         if unknown:
             names = ", ".join(unknown)
@@ -162,6 +165,8 @@ class HandCheck:
             yield "torques are not compared with efforts, as no share is stated"
         elif mass is not None and torque.mass is not None and torque.mass < mass * (1 - 1e-9):
             yield f"torques are for {torque.mass:.3g} kg, the model has {mass:.3g} kg"
+        if remark := squeeze_remark(stated.grasp, stated.region, mass, torque):
+            yield remark
 
 
 def _load(

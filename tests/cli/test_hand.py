@@ -54,6 +54,7 @@ def test_grasps_of_a_hand_are_planned_written_and_verified(
     code, out, _ = called(capsys, *words, "--up", "0", "0", "1", "--top", "2")
     assert code == 0
     assert "2 grasps that 'three_finger' can make" in out
+    assert "bears: proved to hold with each contact off by this much" in out
     assert f"wrote {file}" in out
     code, out, _ = called(capsys, "verify", file)
     assert code == 0

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.grasp import Grasp, GraspPlane
+from drake_polygrasp.grasp import Grasp, GraspPlane, RegionCertificate
 from drake_polygrasp.hand_grasp import HandRefusal, HandTorque
+from drake_polygrasp.hands.squeeze import squeeze_remark
 from drake_polygrasp.hands.torque import HandForces, Load, friction_refusal, holding_torque
 
 GRAVITY = 9.81
@@ -141,6 +144,40 @@ def test_a_region_squeeze_is_reached_where_the_efforts_allow_it() -> None:
     torque = holding_torque(grasp, J, strong, load)
     assert isinstance(torque, HandTorque)
     assert (torque.f_Bc_B * grasp.nhat_TB_B).sum() == pytest.approx(60.0, rel=1e-6)
+
+
+def test_a_squeeze_beyond_the_efforts_uses_all_of_them() -> None:
+    grasp, J, effort = round_grasp(), random_hand(3), {f"j{k}": 2.0 for k in range(9)}
+    usual, less, most = (
+        holding_torque(grasp, J, effort, Load(0.2, np.zeros(3), RHO, squeeze=squeeze))
+        for squeeze in (None, 5.0, 1e6)
+    )
+    assert isinstance(usual, HandTorque)
+    assert isinstance(less, HandTorque)
+    assert isinstance(most, HandTorque)
+    np.testing.assert_array_equal(less.f_Bc_B, usual.f_Bc_B)
+    assert max(map(abs, usual.torque.values())) < 2.0
+    assert max(map(abs, most.torque.values())) == pytest.approx(2.0, rel=1e-5)
+
+
+def test_a_squeeze_that_is_less_than_errors_ask_for_is_said() -> None:
+    grasp = round_grasp()
+    hold = holding_torque(
+        grasp, random_hand(3), {f"j{k}": 20.0 for k in range(9)}, Load(0.2, np.zeros(3), RHO)
+    )
+    assert isinstance(hold, HandTorque)
+    # 0.2 kg at friction 0.5 is squeezed with 6 times its weight over friction.
+    assert 6 * 0.2 * GRAVITY / 0.5 == pytest.approx(23.5, abs=0.05)
+    nothing = frozen(np.zeros(3))
+    region = RegionCertificate(nothing, 0.1, 0.0, 0.0, nothing, ((), (), ()), None, None)
+    for squeeze, said in ((46.0, ""), (48.0, "a squeeze of 23.5 N"), (None, "")):
+        # The object weighs 0.4 kg and the load half of that.
+        asked = replace(region, squeeze_force=squeeze)
+        remark = squeeze_remark(grasp, asked, 0.4, hold)
+        assert said in remark if said else not remark
+        assert "the 24 N that hold" in remark or not said
+    assert not squeeze_remark(grasp, None, 0.4, hold)
+    assert not squeeze_remark(grasp, region, None, hold)
 
 
 def test_a_weak_hand_is_refused_with_its_share_and_joint() -> None:

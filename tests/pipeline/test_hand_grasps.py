@@ -26,9 +26,14 @@ from drake_polygrasp import (
     plan_hand_grasps,
 )
 from drake_polygrasp.certification.exact import check_force_closure
+from drake_polygrasp.hands.hand_search import HandSearch, HoldOptions
+from drake_polygrasp.hands.scene import HandScene
+from drake_polygrasp.pipeline.hand_errors import hand_grasp_under_errors
+from drake_polygrasp.pipeline.region_certificates import Errors
 from tests.hands.test_hand_search import ACCURACY, apart, contact_errors
 from tests.support.hand_judge import HandJudge
-from tests.support.hands import CUBE, MODELS, OWN_HAND, OWN_MODEL, TIP_RADIUS, own_hand
+from tests.support.hands import CUBE, MODELS, OWN_HAND, OWN_MODEL, TIP_RADIUS, own_hand, own_reach
+from tests.support.hands import planned as planned_without_hand
 
 MASS = 0.15
 SIX = [
@@ -49,7 +54,7 @@ def loaded(name: str) -> GraspObject:
 
 @cache
 def planned(name: str) -> HandPlan:
-    return plan_hand_grasps(loaded(name), own_hand(), load_mass=MASS, budget=60.0)
+    return plan_hand_grasps(loaded(name), own_hand(), load_mass=MASS, budget=60.0, **NO_ERRORS)
 
 
 TABLE = """\
@@ -85,12 +90,59 @@ def test_grasps_are_proved_and_the_hand_makes_them(name: str) -> None:
 
 
 def test_the_same_input_gives_the_same_plan() -> None:
-    again = plan_hand_grasps(loaded(SIX[0]), load_hand(OWN_HAND), load_mass=MASS, budget=60.0)
+    again = plan_hand_grasps(
+        loaded(SIX[0]), load_hand(OWN_HAND), load_mass=MASS, budget=60.0, **NO_ERRORS
+    )
     for one, other in zip(planned(SIX[0]).grasps, again.grasps, strict=True):
         np.testing.assert_array_equal(one.certified.grasp.p_BC, other.certified.grasp.p_BC)
         np.testing.assert_array_equal(one.p_BPalm, other.p_BPalm)
         assert one.q == other.q
         assert one.torque.torque == other.torque.torque
+
+
+def test_default_errors_are_proved_of_the_same_grasps() -> None:
+    object_ = loaded(SIX[0])
+    plan = plan_hand_grasps(object_, own_hand(), load_mass=MASS, budget=60.0)
+    exact = {found.certified.grasp.faces: found for found in planned(SIX[0]).grasps}
+    assert {found.certified.grasp.faces for found in plan.grasps} == {*exact}
+    least = []
+    for found in plan.grasps:
+        same, region = exact[found.certified.grasp.faces], found.certified.region
+        np.testing.assert_array_equal(found.certified.grasp.p_BC, same.certified.grasp.p_BC)
+        assert found.q == same.q
+        # The cube's faces are wide enough for all default errors, and so is its friction.
+        assert region is not None
+        assert region.epsilon_lower is not None
+        assert region.squeeze_force is not None
+        # Stated errors are rounded down.
+        assert region.placement_error == pytest.approx(np.full(3, 0.02 * 0.06 * 3**0.5), rel=1e-5)
+        assert (region.tilt_error, region.friction_error) == (np.radians(5), 0.2)
+        least.append(region.epsilon_lower)
+        # The squeeze is as hard as the errors ask for, for the load in place of the cube.
+        assert object_.mass is not None
+        total = (found.torque.f_Bc_B * found.certified.grasp.nhat_TB_B).sum()
+        assert total >= region.squeeze_force * MASS / object_.mass * (1 - 1e-6)
+    assert least == sorted(least, reverse=True)
+    assert plan.settings.placement_error == pytest.approx(0.02 * 0.06 * 3**0.5)
+
+
+def test_a_grasp_is_tried_for_less_and_returned_if_it_bears_nothing() -> None:
+    object_, grasps = planned_without_hand(CUBE)
+    scene, hold = HandScene(own_hand(), object_), HoldOptions(mass=MASS)
+    search = HandSearch(scene, own_reach(), [grasps[0].grasp], hold)
+    (_, held) = next(search.run(60.0))
+    nothing = np.zeros(len(object_.polyhedron.faces))
+    # No tilt of 1.4 rad leaves any friction; a hundredth of the friction may go.
+    too_much, little = Errors(nothing, 1.4, 0.0, 0.0), Errors(nothing, 0.0, 0.01, 0.0)
+    exact = replace(grasps[0], region=None)
+    level, found = hand_grasp_under_errors(object_, scene, exact, held, (too_much, little), hold)
+    assert level == 1
+    assert found.certified.region is not None
+    assert found.certified.region.friction_error == 0.01
+    level, found = hand_grasp_under_errors(object_, scene, exact, held, (too_much,), hold)
+    assert level == 1
+    assert found.certified.region is None
+    assert found.torque is held.torque
 
 
 def test_on_a_table_hand_and_tips_keep_clear_of_it(tmp_path: Path) -> None:
