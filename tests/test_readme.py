@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -70,3 +71,12 @@ def test_no_command_is_promised_that_is_not_there() -> None:
     )
     for name in promised:
         assert re.search(rf"^\s+{name}\b", done.stdout, re.MULTILINE), name
+
+
+def test_the_first_picture_moves_and_loops_and_is_small() -> None:
+    first = ROOT / re.findall(r"!\[[^]]*\]\((.*?)\)", README)[0]
+    with Image.open(first) as picture:
+        assert 40 <= picture.n_frames <= 80  # type: ignore[attr-defined]
+        assert picture.info["loop"] == 0
+        assert min(picture.size) >= 400
+    assert first.stat().st_size < 2e6
