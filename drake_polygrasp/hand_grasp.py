@@ -151,12 +151,16 @@ class HandGrasp(HandPlacement):
         tip_overlap: how deep geometry that the tips' spheres stand for is in the object, beyond its
             misfit from them [m].
         limit_room: least distance of a joint to its limits [rad or m].
+        margin: how far the hand is from its bounds, 0 to 1: the least of what is left of its
+            efforts, of half of a joint's range, of the angle that tips may touch at, and of the
+            clearance that it had to keep, up to once more of that.
     """
 
     certified: CertifiedGrasp
     tip_link_clearance: float
     tip_overlap: float
     limit_room: float
+    margin: float
 
 
 def pose_of(p_BPalm: Array, quaternion_BPalm: Array) -> RigidTransform:

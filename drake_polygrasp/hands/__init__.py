@@ -16,6 +16,7 @@
 | measured_posture.py | how well a posture touches the contacts, and what it is clear of |
 | torque.py | joint torques that squeeze and hold: `holding_torque` |
 | squeeze.py | how hard a hand squeezes, beside what errors ask for |
+| margin.py | how far a hand's grasp is from its bounds |
 | approach.py | how fingers open, and a straight way to the object: `find_pregrasp` |
 | hand_search.py | all of these for many candidates, breadth-first: `HandSearch` |
 """

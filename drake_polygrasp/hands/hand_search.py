@@ -24,8 +24,14 @@ from drake_polygrasp.hand_grasp import (
 )
 from drake_polygrasp.hands.approach import DISTANCE, find_pregrasp
 from drake_polygrasp.hands.hand import Hand
+from drake_polygrasp.hands.margin import hand_margin
 from drake_polygrasp.hands.measured_posture import Posture, tips_fit
-from drake_polygrasp.hands.posture import HAND_CLEARANCE, HOPELESS_OVERLAP, find_posture
+from drake_polygrasp.hands.posture import (
+    HAND_CLEARANCE,
+    HOPELESS_OVERLAP,
+    LEAST_CLEARANCE,
+    find_posture,
+)
 from drake_polygrasp.hands.scene import HandScene
 from drake_polygrasp.hands.squeeze import region_squeeze
 from drake_polygrasp.hands.starts import Start, best_starts
@@ -244,13 +250,19 @@ def hand_load(scene: HandScene, grasp: AnyGrasp, options: HoldOptions) -> Load:
     return Load(mass, object_.p_BBcm, object_.rho, options.up_B, squeeze)
 
 
-def hand_grasp(scene: HandScene, certified: CertifiedGrasp, held: HeldGrasp) -> HandGrasp:
+def hand_grasp(
+    scene: HandScene,
+    certified: CertifiedGrasp,
+    held: HeldGrasp,
+    clearance: float = HAND_CLEARANCE,
+) -> HandGrasp:
     """Returns a certified grasp with the posture of a hand.
 
     Args:
         scene: hand, object and what is around it.
         certified: the grasp.
         held: how the hand holds it.
+        clearance: distance that the hand was to keep from everything but its contacts [m].
     """
     posture, tips = held.posture, scene.hand.tips
     first, second, third = (tips[k].name for k in posture.fingers)
@@ -270,6 +282,7 @@ def hand_grasp(scene: HandScene, certified: CertifiedGrasp, held: HeldGrasp) -> 
         tip_link_clearance=at_most(posture.tip_link_clearance),
         tip_overlap=at_least(posture.tip_overlap),
         limit_room=at_most(posture.limit_room),
+        margin=at_most(hand_margin(scene.hand, posture, held.torque, LEAST_CLEARANCE * clearance)),
     )
 
 

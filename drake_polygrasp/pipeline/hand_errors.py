@@ -59,8 +59,9 @@ def hand_grasp_under_errors(
             load = hand_load(scene, certified, hold)
             torque = posture_torque(scene, grasp, held.posture, load, hold.friction_share)
             assert isinstance(torque, HandTorque)  # the loads are those that it holds already
-            return level, hand_grasp(scene, certified, held._replace(torque=torque))
-    return len(errors), hand_grasp(scene, certified, held)
+            held = held._replace(torque=torque)
+            return level, hand_grasp(scene, certified, held, hold.clearance)
+    return len(errors), hand_grasp(scene, certified, held, hold.clearance)
 
 
 def weak_squeezes(object_: GraspObject, grasps: Sequence[HandGrasp]) -> tuple[str, ...]:

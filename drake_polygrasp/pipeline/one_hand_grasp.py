@@ -86,5 +86,5 @@ def hand_grasp_for(
     )
     search = HandSearch(scene, hand_reach(hand, check_seed("seed", seed)), [grasp], hold)
     for _, held in search.run(budget):
-        return hand_grasp(scene, grasp, held)
+        return hand_grasp(scene, grasp, held, hold.clearance)
     return search.refusals[0]

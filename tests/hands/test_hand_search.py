@@ -182,6 +182,18 @@ def test_tips_wider_than_their_spheres_do_not_penetrate(tmp_path: Path) -> None:
     assert min(narrow) < -1e-3
 
 
+def test_the_margin_is_what_is_left_of_the_nearest_bound() -> None:
+    limits = {"swing": (-1.2, 1.2), "bend": (-1.3, 1.5), "curl": (-0.4, 1.9)}  # of the model
+    for each in own_hand_grasps(CUBE):
+        left = [1 - np.degrees(each.tip_angle) / 80, each.clearance / 0.0015 - 1, 1.0]
+        for name, q in each.q.items():
+            lower, upper = limits[name.partition("_")[2]]
+            left.append(min(q - lower, upper - q) / ((upper - lower) / 2))
+        assert each.torque.share is not None
+        left.append(1 - each.torque.share)
+        assert 0 < each.margin == pytest.approx(min(left), rel=1e-4)
+
+
 def table_under(model_height: float, thickness: float = 0.05) -> Surroundings:
     """A table of 60 cm whose top is at a height in B."""
     X_BG = RigidTransform(np.array([0.0, 0.0, model_height - thickness / 2]))
