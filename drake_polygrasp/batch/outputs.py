@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TextIO
 
 from drake_polygrasp.errors import BatchError
 
@@ -103,8 +103,7 @@ class LocalOutput:
         """
         scratch = self.folder / f".{key}.{socket.gethostname()}-{os.getpid()}.tmp"
         try:
-            with scratch.open("w", encoding="utf-8") as file:
-                fcntl.flock(file, fcntl.LOCK_EX)  # Tells `remove_scratch` that it is being written.
+            with _open_locked(scratch) as file:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
@@ -116,6 +115,16 @@ class LocalOutput:
                 f"{self.folder}: a grasp file cannot be written: {error.strerror}; mend that and "
                 "give the same command again, which goes on from here"
             ) from error
+
+
+def _open_locked(scratch: Path) -> TextIO:
+    """Opens a file to write, with a lock that tells `remove_scratch` that it is being written."""
+    while True:
+        file = scratch.open("w", encoding="utf-8")
+        fcntl.flock(file, fcntl.LOCK_EX)
+        if os.fstat(file.fileno()).st_nlink:
+            return file
+        file.close()  # Another driver has removed it before it was locked.
 
 
 @dataclass(frozen=True)
@@ -235,7 +244,7 @@ def open_output(out: str | Path) -> GraspOutput:
 
 
 def remove_scratch(folder: Path) -> None:
-    """Removes what drivers that died left half-written in a folder; nobody has a lock on it.
+    """Removes what processes that died left half-written in a folder; nobody has a lock on it.
 
     Args:
         folder: the folder of grasp files.

@@ -214,17 +214,21 @@ class BatchRun:
             shard = f"{index}-of-{count}" if count > 1 else ""
             with Store(folder, shard) as self._store, closing(contents) as self._contents:
                 self._output = open_output(request.out)
-                if not is_remote(request.out):
-                    remove_scratch(folder / "grasps")
+                self._remove_scratch(folder)  # Of drivers that died.
                 self._store.keep_fact("sources", self.num_sources)
                 with closing(self._outcomes()) as outcomes:
                     for outcome in outcomes:
                         row = self._settle(outcome)
                         if row is not None:
                             yield row
+                self._remove_scratch(folder)  # Of an executor's workers that died.
                 self.is_complete = self._is_exhausted and not self._in_flight
         finally:
             self._seconds = time.monotonic() - self._start
+
+    def _remove_scratch(self, folder: Path) -> None:
+        if not is_remote(self.request.out):
+            remove_scratch(folder / "grasps")
 
     def _outcomes(self) -> Generator[TaskOutcome]:
         request = self.request

@@ -194,7 +194,8 @@ def _run(
     reports_progress: bool,
 ) -> None:
     """Runs in the child: calls the function and sends its value, its time [s] and its error."""
-    value, seconds, error = None, 0.0, None
+    value, seconds = None, 0.0
+    error: BaseException | None = None
     try:
         _limit_resources()
         # Where the parent has no standard streams, the pipe itself may be descriptor 1 or 2.
@@ -202,6 +203,8 @@ def _run(
             os.dup2(stderr.fileno(), stream)
         connect_to_parent(sender)
         value, seconds = _call(function, args, kwargs, reports_progress)
+    except MemoryError:
+        error = MemoryError()  # Without the frames, which hold what has filled the memory.
     except BaseException as raised:
         error = raised
     try:

@@ -56,6 +56,8 @@ def read_directives(path: Path) -> list[Addition]:
         directives = LoadModelDirectives(str(path)).directives
     except ModelError:
         raise
+    except RecursionError:
+        raise ModelError(f"{path}: cannot be read as model directives: nested too deeply") from None
     except (Exception, SystemExit) as error:
         raise ModelError(f"{path}: cannot be read as model directives: {error}") from error
     return [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import shutil
@@ -9,6 +10,7 @@ import sqlite3
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import IO
 
 import pytest
 
@@ -24,6 +26,7 @@ from drake_polygrasp import (
     verify_file,
 )
 from drake_polygrasp.batch.driver_lock import DriverLock
+from drake_polygrasp.batch.outputs import LocalOutput, remove_scratch
 from drake_polygrasp.batch.status import read_status
 from drake_polygrasp.settings import NO_ERRORS
 from tests.support.batches import QUICK, files_of, prism_file, rows_of, two_bodies
@@ -157,6 +160,28 @@ def test_a_file_without_its_row_is_adopted_if_it_holds(copy: Path) -> None:
         assert after[name].plan_seconds is None, "adopted"
         assert after[name].epsilon == pytest.approx(rows[name].epsilon)
     assert after["prism_6.obj"].plan_seconds is not None, "planned, as the file did not hold"
+
+
+def test_what_a_worker_left_half_written_is_gone_at_the_end(planned: Path, tmp_path: Path) -> None:
+    rows = iter_batch(planned / "parts", tmp_path, **QUICK)
+    key = next(rows).key
+    (tmp_path / "grasps" / f".{key}.{os.uname()[1]}-999999.tmp").touch()
+    assert len(list(rows)) == 2
+    assert len(files_of(tmp_path)) == 2, "broken.obj has none"
+
+
+def test_a_file_is_written_though_another_driver_clears_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def clear_up_first(file: IO[str], operation: int) -> None:
+        monkeypatch.undo()
+        remove_scratch(tmp_path)
+        fcntl.flock(file, operation)
+
+    monkeypatch.setattr("fcntl.flock", clear_up_first)
+    LocalOutput(tmp_path).write("key", "text")
+    assert [path.name for path in tmp_path.iterdir()] == ["key.grasp.yaml"]
+    assert LocalOutput(tmp_path).path("key").read_text() == "text"
 
 
 def test_a_file_that_is_gone_is_planned_again(copy: Path) -> None:

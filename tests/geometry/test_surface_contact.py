@@ -145,9 +145,9 @@ def test_any_tip_fits_on_a_convex_solid() -> None:
 def test_ten_thousand_tips_among_a_thousand_triangles_take_seconds() -> None:
     polyhedron = build(*(boxes(1, k) + 0.05 * k * X for k in range(80)))
     p_BC, nhat_TB_B, _ = random_contacts(polyhedron, 10_000, seed=0)
-    start = time.perf_counter()
+    start = time.process_time()
     fingertip_fits(polyhedron, p_BC, nhat_TB_B, 0.02 * polyhedron.diameter)
-    assert time.perf_counter() - start < 10
+    assert time.process_time() - start < 10
 
 
 @pytest.mark.parametrize("share", [0.98, 1.02])
