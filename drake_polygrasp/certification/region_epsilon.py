@@ -9,13 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.arrays import Array, Ints, batches, frozen
+from drake_polygrasp.certification.best_forces import BestForces
 from drake_polygrasp.certification.exact import MAX_TILT, narrowed_friction
-from drake_polygrasp.certification.region_pieces import RegionPiece
+from drake_polygrasp.certification.load_norm import LoadNorm
+from drake_polygrasp.certification.ranging_contacts import HAIR, RangingContacts, ranging_contacts
+from drake_polygrasp.certification.region_task import RegionTask
 from drake_polygrasp.certification.robustness import GRAVITY
+from drake_polygrasp.certification.side_by_side import Search, result_of, run_side_by_side
 from drake_polygrasp.certification.simplex_cycle import (
     encloses,
     first_hull,
@@ -23,30 +28,24 @@ from drake_polygrasp.certification.simplex_cycle import (
     with_point,
 )
 from drake_polygrasp.certification.swept_facets import (
-    LoadNorm,
     Refinement,
     SweptFacets,
     lowest_twists,
     raised,
-    swept_facets,
+    unswept,
 )
-from drake_polygrasp.certification.swept_generators import RangingContacts, SweptGenerators
+from drake_polygrasp.certification.swept_generators import SweptGenerators
 from drake_polygrasp.certification.worst_placement import (
     Placeable,
     WorstPlacement,
-    padded,
     placeable,
 )
 from drake_polygrasp.digits import at_least, at_most
-from drake_polygrasp.vectors import dot
-from drake_polygrasp.wrenches.contacts import contact_frames
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
 _SQUEEZE_GAP = 0.1
 """Our choice: how far the squeeze force may be above the least that is known to be needed. Fingers
 squeeze harder than by a tenth more, and a closer bound takes as long as that of epsilon."""
-_RELATIVE_GAP = 0.02
-"""Our choice: how far apart the bounds may stay, over the upper one."""
 _GROWTH = (0.2, 0.5, 0.7, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97, 0.985, 1.0)
 _ATTEMPTS = (
     (0.02, Refinement(at_once=4, most_rounds=16, patience=3), (1.0,)),
@@ -54,11 +53,11 @@ _ATTEMPTS = (
 )
 """Our choice: how near to its support a hull comes, over its own distance, how far its facets are
 refined, and the shares by which regions grow around their middles until these prove something."""
+_TOGETHER = 24
+"""Our choice: grasps that are bounded side by side; more take more memory and little less time."""
 _MOST_CRITICAL = 12
 _DIGITS = 9
 """Our choice: decimals of what is compared."""
-_STEEPEST, _HAIR = 1e9, 1e-14
-"""Our choice: the tangent of a right angle; and what tangents and friction are off, relative."""
 _FIRST_TURNS = np.array([0.3, 1.9, 3.4, 5.0])
 _MOST_FIRST = 40
 """Our choice: generators that are added at most to the first hull."""
@@ -119,72 +118,57 @@ class RegionEpsilon:
     proof: RegionProof
 
 
-def region_epsilon(
-    regions: Sequence[Sequence[RegionPiece]],
-    mu: Array,
-    p_BBcm: Array,
-    rho: float,
-    *,
-    tilt_error: float = 0.0,
-    friction_error: float = 0.0,
-    com_error: float = 0.0,
-    mass: float | None = None,
-    relative_gap: float = _RELATIVE_GAP,
-) -> RegionEpsilon:
+def region_epsilon(task: RegionTask) -> RegionEpsilon:
     """Bounds what a grasp withstands wherever its contacts are in three regions.
 
     Args:
-        regions: the pieces on one of which each contact is; on an edge between two it has the
-            normal of one of them, but for the tilt.
-        mu: friction coefficients, shape (3,).
-        p_BBcm: centre of mass [m], shape (3,).
-        rho: greatest distance from the centre of mass to the surface [m].
-        tilt_error: angle by which normals may differ from the surface's [rad].
-        friction_error: share by which friction coefficients may be less.
-        com_error: how far the centre of mass may be off [m].
-        mass: of the body [kg]; None where it is unknown.
-        relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
+        task: the grasp and its errors.
 
     Returns:
         The bounds with their proof, rounded to the safe side.
     """
-    errors = tilt_error, friction_error
-    is_within = 0.0 <= tilt_error <= MAX_TILT and 0.0 <= friction_error < 1.0
-    left = [
-        narrowed_friction(m, *errors, piece.tan_spread) if is_within else 0
-        for m, region in zip(mu.tolist(), regions, strict=True)
-        for piece in region
-    ]
-    narrowed = np.maximum(np.array(left, dtype=float) * (1.0 - _HAIR), 0.0)
-    contacts = _ranging(regions, narrowed, tilt_error if is_within else MAX_TILT, p_BBcm, rho)
-    least = (1.0 - friction_error) * mu[contacts.contact]
-    task = _Task(
-        contacts,
-        _critical(contacts),
-        placeable(regions, least.tolist(), p_BBcm, rho),
-        placeable(regions, narrowed.tolist(), p_BBcm, rho),
-        tilt_error,
-        relative_gap,
-    )
-    norms = [LoadNorm(com_error / rho, forces_only) for forces_only in (False, True)]
+    (bounds,) = region_epsilons([task])
+    return bounds
+
+
+def region_epsilons(tasks: Sequence[RegionTask]) -> list[RegionEpsilon]:
+    """Bounds what grasps withstand, each as `region_epsilon` does but all in one go.
+
+    Args:
+        tasks: the grasps and their errors.
+
+    Returns:
+        The bounds of each.
+    """
+    searches = [_bounds(task) for task in tasks]
+    found = [run_side_by_side(searches[part]) for part in batches(len(tasks), _TOGETHER)]
+    return list(chain.from_iterable(found))
+
+
+def _bounds(task: RegionTask) -> Search[RegionEpsilon]:
+    """Bounds what a grasp withstands, with the proof."""
+    search, norms = _search_of(task), [LoadNorm(task.com_error / task.rho)]
+    if task.mass:
+        norms.append(LoadNorm(task.com_error / task.rho, forces_only=True))
     outcomes = []
     for gap, refinement, shares in _ATTEMPTS:
-        outcomes.append(_attempt(task, norms if mass else norms[:1], gap, refinement, shares))
-        if not outcomes[-1].is_open:
+        outcome = yield from _attempt(search, norms, gap, refinement, shares)
+        outcomes.append(outcome)
+        if not outcome.is_open:
             break
     outcome = max(outcomes, key=_Outcome.bounds)
     upper = min(each.upper for each in outcomes)
-    epsilon, weight = outcome.proofs[0], outcome.proofs[1] if mass else None
+    epsilon, weight = outcome.proofs[0], outcome.proofs[1] if task.mass else None
     lower = epsilon.bound if epsilon else 0.0
-    squeeze = at_least(mass * GRAVITY / weight.bound) if mass and weight else None
+    squeeze = at_least(task.mass * GRAVITY / weight.bound) if task.mass and weight else None
     made = outcome.generators
     proof = RegionProof(frozen(made.contact, int), frozen(made.force), epsilon, weight)
     return RegionEpsilon(lower, at_least(max(upper, lower, 0.0)), squeeze, proof)
 
 
 @dataclass(frozen=True, eq=False)
-class _Task:
-    """What is bounded.
+class _Search:
+    """What a search for bounds is given.
 
     Attributes:
         contacts: where they range.
@@ -203,6 +187,28 @@ class _Task:
     relative_gap: float
 
 
+def _search_of(task: RegionTask) -> _Search:
+    regions, errors = task.regions, (task.tilt_error, task.friction_error)
+    is_within = 0.0 <= task.tilt_error <= MAX_TILT and 0.0 <= task.friction_error < 1.0
+    left = [
+        narrowed_friction(m, *errors, piece.tan_spread) if is_within else 0
+        for m, region in zip(task.mu.tolist(), regions, strict=True)
+        for piece in region
+    ]
+    narrowed = np.maximum(np.array(left, dtype=float) * (1.0 - HAIR), 0.0)
+    place, tilt = (task.p_BBcm, task.rho), task.tilt_error if is_within else MAX_TILT
+    contacts = ranging_contacts(regions, narrowed, tilt, *place)
+    least = (1.0 - task.friction_error) * task.mu[contacts.contact]
+    return _Search(
+        contacts,
+        _critical(contacts),
+        placeable(regions, least.tolist(), *place),
+        placeable(regions, narrowed.tolist(), *place),
+        task.tilt_error,
+        task.relative_gap,
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class _Outcome:
     """Proofs in each norm, the upper bound in the first, and whether a finer hull may do better."""
@@ -218,29 +224,32 @@ class _Outcome:
 
 
 def _attempt(
-    task: _Task,
+    search: _Search,
     norms: Sequence[LoadNorm],
     gap: float,
     refinement: Refinement,
     shares: Sequence[float],
-) -> _Outcome:
+) -> Search[_Outcome]:
     """Proves what facets of a hull prove that is within a gap of its support."""
-    generators = SweptGenerators(task.contacts)
+    generators = SweptGenerators(search.contacts)
     simplices, w = _first_facets(generators, gap)
-    is_around = bool(task.contacts.mu.min() > 0.0) and encloses(generators.middle, simplices)
+    is_friction = bool(search.contacts.cones.mu.min() > 0.0)
+    is_around = is_friction and encloses(generators.middle, simplices)
     proofs: list[FacetProof | None] = []
     is_open = False
     for norm in norms:
-        apart = max(task.relative_gap, _SQUEEZE_GAP if norm.forces_only else 0.0)
-        facets, tried = SweptFacets(simplices, w, np.zeros(len(w))), [task.start]
+        apart = max(search.relative_gap, _SQUEEZE_GAP if norm.forces_only else 0.0)
+        facets, tried = unswept(simplices, w), [search.start]
         proof = None
         if is_around:
-            ceiling = _Ceiling(generators, task.served, norm)
-            ceiling.lowered(task.start)
+            ceiling = _Ceiling(generators, search.served, norm)
+            yield from ceiling.lowered(search.start)
             for share in shares:
                 generators.range_by(share)
-                facets = swept_facets(generators, facets.simplices, facets.twists, norm)
-                facets = raised(generators, facets, norm, ceiling.lowered, apart, refinement)
+                facets = unswept(facets.simplices, facets.twists)
+                facets = yield from raised(
+                    generators, facets, norm, ceiling.lowered, apart, refinement
+                )
                 # What is lost in smaller regions is not found in larger ones.
                 if facets.values.min() <= 0.0:
                     break
@@ -252,43 +261,15 @@ def _attempt(
             tried.append(ceiling.w[None])
         proofs.append(proof)
         if norm is norms[0]:
-            worst = WorstPlacement(task.possible, task.tilt_error, norm)
-            upper = worst.lowered(np.concatenate([*tried, lowest_twists(facets)]))
+            worst = WorstPlacement(search.possible, search.tilt_error, norm)
+            upper = yield from worst.lowered(np.concatenate([*tried, lowest_twists(facets)]))
     return _Outcome(generators, proofs, upper, is_open)
-
-
-def _ranging(
-    regions: Sequence[Sequence[RegionPiece]], mu: Array, tilt: float, p_BBcm: Array, rho: float
-) -> RangingContacts:
-    contact = np.array([i for i, region in enumerate(regions) for _ in region])
-    pieces = [piece for region in regions for piece in region]
-    nhat = np.stack([piece.nhat_TB_B for piece in pieces])
-    corners = [(piece.p_BV - p_BBcm) / rho for piece in pieces]
-    centres = np.stack([r_V.mean(axis=0) for r_V in corners])
-    reference = []
-    for i in range(3):
-        own = np.flatnonzero(contact == i)
-        off = centres[own] - centres[own].mean(axis=0)
-        reference.append(own[np.round(dot(off, off), _DIGITS).argmin()])
-    middles = centres[reference]
-    tan_tilt = math.tan(tilt)
-    spread = np.array([piece.tan_spread for piece in pieces])
-    rest = 1.0 - tan_tilt * spread
-    tangent = np.where(rest > 0, (tan_tilt + spread) / np.where(rest > 0, rest, 1.0), _STEEPEST)
-    return RangingContacts(
-        contact=contact,
-        reference=np.array(reference),
-        r_V=padded(corners),
-        frames=contact_frames(middles[None], nhat[None])[0],
-        mu=mu,
-        tangent=tangent * (1.0 + _HAIR),
-    )
 
 
 def _critical(contacts: RangingContacts) -> Array:
     """Twists along which the cones at the regions' middles reach little, (K, 6)."""
-    k = contacts.reference
-    place = contacts.middles()[None], contacts.frames[k, 0][None], contacts.mu[k][None]
+    cones = contacts.cones.take(contacts.reference)
+    place = contacts.middles()[None], cones.frames[None, :, 0], cones.mu[None]
     critical, _ = critical_directions(*place, np.zeros(3), 1.0, num=_MOST_CRITICAL)
     return np.asarray(np.round(critical[0], _DIGITS))
 
@@ -328,18 +309,20 @@ class _Ceiling:
         """The twist along which they prove least."""
         return self._worst.w
 
-    def lowered(self, w: Array) -> float:
-        """The least bound with more twists."""
+    def lowered(self, w: Array) -> Search[float]:
+        """Finds the least bound with more twists."""
         before = self._worst.bound
-        if len(w) and self._worst.lowered(w) < before:
-            _, _, most = self._generators.best_forces(self.w[None])
+        if not len(w):
+            return self.bound
+        if (yield from self._worst.lowered(w)) < before:
+            _, _, most = yield from result_of(BestForces(self._generators, self.w[None]))
             self.bound = min(self.bound, float(most[0] / self._norm.of(self.w[None])[0]))
         return self.bound
 
 
 def _proved(generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm) -> FacetProof | None:
     """What facets prove, less rounding errors; None where that is nothing."""
-    mu = float(generators.contacts.mu.max())
+    mu = float(generators.contacts.cones.mu.max())
     heights = generators.heights(facets.twists, facets.simplices).min(axis=1)
     least = float(((heights - _ROUNDING * (1.0 + mu)) / norm.of(facets.twists)).min())
     around = is_closed(facets.simplices) and encloses(generators.middle, facets.simplices)

@@ -2,36 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.region_epsilon import FacetProof, RegionProof
-from drake_polygrasp.certification.region_pieces import RegionPiece
+from drake_polygrasp.certification.region_task import RegionTask
 
 
-def stated_proof(
-    proof: RegionProof,
-    regions: Sequence[Sequence[RegionPiece]],
-    mu: Array,
-    p_BBcm: Array,
-    rho: float,
-    *,
-    tilt_error: float = 0.0,
-    friction_error: float = 0.0,
-    com_error: float = 0.0,
-) -> dict[str, Any]:
+def stated_proof(proof: RegionProof, task: RegionTask) -> dict[str, Any]:
     """Returns all that `exact_cycle.check_region_proof` asks, of types that JSON knows.
 
     Args:
-        proof: of `region_epsilon`, for the arguments that follow.
-        regions: the pieces on one of which each contact is.
-        mu: friction coefficients, shape (3,).
-        p_BBcm: centre of mass [m], shape (3,).
-        rho: greatest distance from the centre of mass to the surface [m].
-        tilt_error: angle by which normals may differ from the surface's [rad].
-        friction_error: share by which friction coefficients may be less.
-        com_error: how far the centre of mass may be off [m].
+        proof: of `region_epsilon` for the task.
+        task: the grasp and its errors.
     """
     return {
         "regions": [
@@ -43,16 +25,16 @@ def stated_proof(
                 }
                 for piece in region
             ]
-            for region in regions
+            for region in task.regions
         ],
-        "mu": mu.tolist(),
-        "p_BBcm": p_BBcm.tolist(),
-        "rho": float(rho),
-        "tilt_error": float(tilt_error),
-        "friction_error": float(friction_error),
-        "com_error": float(com_error),
+        "mu": task.mu.tolist(),
+        "p_BBcm": task.p_BBcm.tolist(),
+        "rho": float(task.rho),
+        "tilt_error": float(task.tilt_error),
+        "friction_error": float(task.friction_error),
+        "com_error": float(task.com_error),
         "generators": [
-            {"contact": i, "force": force[: len(regions[i])].tolist()}
+            {"contact": i, "force": force[: len(task.regions[i])].tolist()}
             for i, force in zip(proof.contact.tolist(), proof.force, strict=True)
         ],
         "epsilon": _stated(proof.epsilon),

@@ -14,30 +14,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.certification.best_forces import BestForces
+from drake_polygrasp.certification.load_norm import LoadNorm
+from drake_polygrasp.certification.side_by_side import Search, result_of
 from drake_polygrasp.certification.simplex_cycle import (
     MOST_POINTS,
     coned,
     connected,
     modulo_2,
     simplex_boundary,
-    solve_definite,
 )
+from drake_polygrasp.certification.steepest import Steepen
 from drake_polygrasp.certification.swept_generators import SweptGenerators
-from drake_polygrasp.wrenches.region_support import load_reach
 
-_SOFT, _STIFFER, _STIFF = 3.0, 30.0, 1e5
-"""Our choice: the penalty at first, its factor where Newton's method is near, and the greatest."""
-_MOST_STEPS = 24
-"""Our choice: steps of Newton's method; a median facet needs 5."""
-_PARTS = np.array([1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1, 0.05])
-"""Our choice: parts of a step of Newton's method that are tried."""
-_NEAR = 1e-3
-"""Our choice, relative: a step of Newton's method that is less is near."""
 _OLD_GAIN = 0.7
 """Our choice: a generator that is there already is taken if it gains this share of the best."""
-_DIGITS, _TIE = 9, 11
-"""Our choice: decimals of twists, and of values that are compared: less is rounding."""
+_TIE = 11
+"""Our choice: decimals of values that are compared: less is rounding."""
 _MOST_FACETS = 8000
 """Our choice: a surface of more facets is not refined; a usual one has a few hundred."""
 _GAIN = 1e-9
@@ -55,20 +49,20 @@ class SweptFacets:
     Attributes:
         simplices: rows of indices of generators, shape (J, 6).
         twists: shape (J, 6).
-        values: least height over N of each, shape (J,).
+        values: least height over N of each, shape (J,); not a number where it is not known.
     """
 
     simplices: Ints
     twists: Array
     values: Array
 
-    def without(self, removed: Bools) -> SweptFacets:
-        """Returns the other facets.
+    def take(self, rows: Ints) -> SweptFacets:
+        """Returns some of the facets.
 
         Args:
-            removed: which to leave out, shape (J,).
+            rows: their indices.
         """
-        return SweptFacets(self.simplices[~removed], self.twists[~removed], self.values[~removed])
+        return SweptFacets(self.simplices[rows], self.twists[rows], self.values[rows])
 
     def joined(self, other: SweptFacets) -> SweptFacets:
         """Returns these facets and others after them.
@@ -98,170 +92,54 @@ class Refinement:
     patience: int
 
 
-@dataclass(frozen=True)
-class LoadNorm:
-    """N(w): the greatest pairing of w with a unit load about a centre of mass that may be off.
-
-    Attributes:
-        com_error: how far it may be off, over rho.
-        forces_only: whether loads are forces through the centre of mass, without torque.
-    """
-
-    com_error: float
-    forces_only: bool = False
-
-    def of(self, w: Array) -> Array:
-        """Returns N of twists, shape (K,).
-
-        Args:
-            w: shape (K, 6).
-        """
-        reach = load_reach(w, self.com_error, forces_only=self.forces_only)
-        return np.asarray(np.maximum(reach, 1e-300))
-
-    def squares(self, w: Array) -> Array:
-        """Returns six factors a with the sum of a w^2 close to N^2 near given twists, (K, 6).
-
-        Args:
-            w: the given twists, shape (K, 6).
-        """
-        s = self.com_error
-        v, omega = np.sqrt((w[:, :3] ** 2).sum(axis=1)), np.sqrt((w[:, 3:] ** 2).sum(axis=1))
-        ratio = np.clip(v / np.maximum(omega, 1e-12), 0.05, 20.0)
-        # Without any weight rotations might grow without end.
-        torque = 1e-4 if self.forces_only else 1.0
-        factors = np.stack([1.0 + s / ratio, torque + s * s + s * ratio], axis=1)
-        return np.repeat(factors, 3, axis=1)
-
-
-def swept_facets(
-    generators: SweptGenerators, simplices: Ints, w: Array, norm: LoadNorm
-) -> SweptFacets:
-    """Returns simplices with twists that are rounded to a few decimals.
+def unswept(simplices: Ints, w: Array) -> SweptFacets:
+    """Returns facets whose values are not known yet.
 
     Args:
-        generators: of which the simplices are.
-        simplices: rows of their indices, shape (J, 6).
+        simplices: rows of indices of generators, shape (J, 6).
         w: twists, shape (J, 6).
-        norm: what twists are measured in.
     """
-    length = np.sqrt((w * w).sum(axis=1))[:, None]
-    w = np.round(w / np.maximum(length, 1e-300), _DIGITS) + 0.0
-    values = generators.heights(w, simplices).min(axis=1) / norm.of(w)
-    return SweptFacets(simplices, w, values)
-
-
-def steepest(
-    generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm, enough: float
-) -> SweptFacets:
-    """Returns facets with twists of larger values, for many at once.
-
-    The best twist is the shortest that keeps all heights at one or above. Newton's method with an
-    exact line search finds it for a quadratic penalty on what is below, ever stiffer.
-
-    Args:
-        generators: of which the facets are.
-        facets: with the twists to begin at.
-        norm: what twists are measured in.
-        enough: the value that is asked for, positive; a twist of more is not improved.
-    """
-    simplices, best, best_value = facets.simplices, facets.twists.copy(), facets.values.copy()
-    rows = np.flatnonzero(best_value < enough)
-    if not len(rows):
-        return facets
-    w, stiffness = best[rows] / enough, np.full(len(rows), _SOFT)
-    a = generators.at_corners(simplices[rows])
-    heights = _paired(a, w)
-    for _ in range(_MOST_STEPS):
-        if not len(rows):
-            break
-        metric = norm.squares(w) * (enough * enough)
-        new = _newton(a, heights, stiffness, metric)
-        new = np.where(np.all(np.isfinite(new), axis=1, keepdims=True), new, w)
-        step = new - w
-        rise = _paired(a, step)
-        share = _line_search(w, step, heights, rise, stiffness, metric)[:, None]
-        is_near = np.abs(step).max(axis=1) <= _NEAR * np.abs(new).max(axis=1)
-        w = w + share * step
-        heights = heights + share * rise
-        value = heights.min(axis=1) / norm.of(w)
-        better = value > best_value[rows]
-        best[rows[better]], best_value[rows[better]] = w[better], value[better]
-        stiffness = np.where(is_near, stiffness * _STIFFER, stiffness)
-        left = (best_value[rows] < enough) & (stiffness <= _STIFF)
-        if not left.all():
-            rows, w, heights, stiffness = rows[left], w[left], heights[left], stiffness[left]
-            a = a[:, left]
-    return swept_facets(generators, simplices, best, norm)
-
-
-def _paired(a: Array, w: Array) -> Array:
-    """The heights of wrenches (6, J, N) along a twist each, (J, N)."""
-    return np.asarray(np.einsum("kjn,jk->jn", a, w))
-
-
-def _newton(a: Array, heights: Array, stiffness: Array, metric: Array) -> Array:
-    """The least of w.Mw + stiffness |1 - a w|^2 over 2, a what is below one at w, (J, 6)."""
-    below = a * np.where(heights < 1.0, stiffness[:, None], 0.0)
-    A = np.einsum("ijn,kjn->ikj", below, a)
-    for i in range(6):
-        A[i, i] += metric[:, i]
-    return solve_definite(A, below.sum(axis=2)).T
-
-
-def _line_search(
-    w: Array, step: Array, heights: Array, rise: Array, stiffness: Array, metric: Array
-) -> Array:
-    """The share of each step, of a few, that lowers the penalised length most, (J,)."""
-    first, second = (metric * step * w).sum(axis=1), (metric * step * step).sum(axis=1)
-    share = _PARTS[:, None]
-    lack = np.maximum((1.0 - heights) - share[..., None] * rise, 0.0)
-    length = share * (2.0 * first + share * second)
-    penalty = length + stiffness * np.einsum("sjn,sjn->sj", lack, lack)
-    return np.asarray(_PARTS[penalty.argmin(axis=0)])
+    return SweptFacets(simplices, w, np.full(len(w), np.nan))
 
 
 def raised(
     generators: SweptGenerators,
     facets: SweptFacets,
     norm: LoadNorm,
-    upper: Callable[[Array], float],
+    upper: Callable[[Array], Search[float]],
     tolerance: float,
     refinement: Refinement,
-) -> SweptFacets:
+) -> Search[SweptFacets]:
     """Raises the least value until it is near an upper bound, by better twists and new facets.
 
     In each round the generators that pair most with the twists of the worst facets, wherever
-    contacts are, are added; the facets around that they overtop give way to their cones.
+    contacts are, are added; the low facets around that they overtop give way to their cones.
 
     Args:
         generators: to which are added.
-        facets: a closed surface.
+        facets: a closed surface, with or without values.
         norm: what twists are measured in.
-        upper: given twists, shape (K, 6), or none, returns the least upper bound that is known.
+        upper: given twists, shape (K, 6), or none, finds the least upper bound that is known.
         tolerance: how far the lower bound may stay below the upper, over the upper.
         refinement: how many generators are added, and when to give up.
 
     Returns:
         The best surface that was met.
     """
-    fresh = np.ones(len(facets.values), dtype=bool)
     best, last = facets, 0
-    bound = upper(np.zeros((0, 6)))
+    bound = yield from upper(np.zeros((0, 6)))
     for count in range(refinement.most_rounds + 1):
         goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
-        low = np.asarray(fresh & (facets.values < goal))
-        better = steepest(generators, facets.without(~low), norm, goal)
-        twists, values = facets.twists.copy(), facets.values.copy()
-        twists[low], values[low], fresh[low] = better.twists, better.values, False
-        facets = SweptFacets(facets.simplices, twists, values)
-        bound = upper(lowest_twists(facets))
+        facets = yield from _steepened(generators, facets, norm, goal)
+        bound = yield from upper(lowest_twists(facets))
         goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
-        least = values.min()
-        if least > best.values.min() or count == 0:
+        least = facets.values.min()
+        if count == 0 or least > best.values.min():
             best, last = facets, count
         is_enough = least >= (1.0 - tolerance) * bound or bound <= 0.0
-        is_large = len(values) > _MOST_FACETS or len(generators) + refinement.at_once > MOST_POINTS
+        is_large = (
+            len(facets.values) > _MOST_FACETS or len(generators) + refinement.at_once > MOST_POINTS
+        )
         if (
             is_enough
             or is_large
@@ -269,11 +147,23 @@ def raised(
             or count == refinement.most_rounds
         ):
             break
-        worst, apex = _apexes(generators, facets, goal, norm, refinement.at_once)
+        worst, apex = yield from _apexes(generators, facets, goal, norm, refinement.at_once)
         if not len(worst):
             break
-        facets, fresh = _replaced(generators, facets, fresh, worst, apex, norm)
+        facets = _replaced(generators, facets, worst, apex, norm, goal)
     return best
+
+
+def _steepened(
+    generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm, goal: float
+) -> Search[SweptFacets]:
+    """Finds the values of facets that have none, with twists that reach the goal if they may."""
+    fresh = np.isnan(facets.values)
+    simplices, start = facets.simplices[fresh], facets.twists[fresh]
+    w, value = yield from result_of(Steepen(generators, simplices, start, norm, goal))
+    twists, values = facets.twists.copy(), facets.values.copy()
+    twists[fresh], values[fresh] = w, value
+    return SweptFacets(facets.simplices, twists, values)
 
 
 def lowest_twists(facets: SweptFacets) -> Array:
@@ -288,7 +178,7 @@ def lowest_twists(facets: SweptFacets) -> Array:
 
 def _apexes(
     generators: SweptGenerators, facets: SweptFacets, goal: float, norm: LoadNorm, at_once: int
-) -> tuple[Ints, Ints]:
+) -> Search[tuple[Ints, Ints]]:
     """Facets below the goal, worst first, and a generator for each that is to overtop it.
 
     A facet that the generator of one before overtops is left to that.
@@ -297,7 +187,7 @@ def _apexes(
     worst = order[facets.values[order] < goal]
     w = facets.twists[worst]
     heights = facets.values[worst] * norm.of(w)
-    contact, force, most = generators.best_forces(w)
+    contact, force, most = yield from result_of(BestForces(generators, w))
     known = generators.heights_of_each(w, np.arange(len(generators)))
     highest = np.round(known, _TIE).argmax(axis=1)
     rows = np.arange(len(w))
@@ -319,15 +209,20 @@ def _apexes(
 def _replaced(
     generators: SweptGenerators,
     facets: SweptFacets,
-    fresh: Bools,
     worst: Ints,
     apex: Ints,
     norm: LoadNorm,
-) -> tuple[SweptFacets, Bools]:
-    """The facets with those around some that generators overtop replaced by their cones."""
+    goal: float,
+) -> SweptFacets:
+    """The facets with low ones that generators overtop replaced by their cones, without values.
+
+    Facets that reach the goal stay, also where a generator overtops them: the surface need not be
+    convex, and there would be ten times as many new facets.
+    """
     simplices, w = facets.simplices, facets.twists
     gain = generators.heights_of_each(w, apex) / norm.of(w)[:, None] - facets.values[:, None]
-    part = np.where(gain.max(axis=1) > _GAIN, np.round(gain, _TIE).argmax(axis=1), -1)
+    is_low = (gain.max(axis=1) > _GAIN) & (facets.values < goal)
+    part = np.where(is_low, np.round(gain, _TIE).argmax(axis=1), -1)
     part[worst] = np.arange(len(worst))
     seen = connected(simplices, part, worst)
     ridges, owner = simplex_boundary(simplices[seen], part[seen])
@@ -337,8 +232,4 @@ def _replaced(
     num = int((~seen).sum())
     left = modulo_2(np.concatenate([simplices[~seen], cone]))
     kept, new = np.flatnonzero(~seen)[left[left < num]], left[left >= num] - num
-    added = swept_facets(generators, cone[new], start[new], norm)
-    is_kept = np.zeros(len(seen), dtype=bool)
-    is_kept[kept] = True
-    is_fresh = np.concatenate([fresh[kept], np.ones(len(new), dtype=bool)])
-    return facets.without(~is_kept).joined(added), is_fresh
+    return facets.take(kept).joined(unswept(cone[new], start[new]))

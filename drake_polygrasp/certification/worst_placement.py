@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.certification.load_norm import LoadNorm
 from drake_polygrasp.certification.region_pieces import RegionPiece
-from drake_polygrasp.certification.swept_facets import LoadNorm
+from drake_polygrasp.certification.side_by_side import Search, Work, result_of
 from drake_polygrasp.vectors import cross, unit
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 from drake_polygrasp.wrenches.region_support import least_tilted_support, worst_centres_of_mass
@@ -26,6 +27,8 @@ _GAIN = 1e-3
 """Our choice, relative: a bound that falls by less is not followed further."""
 _DIGITS, _TIE = 9, 11
 """Our choice: decimals of twists, and of values that are compared: less is rounding."""
+_CORNERS = 4
+"""Our choice: polygons get a multiple of so many corners."""
 _NO_TORQUE = 1e-6
 """Our choice: divided by so little, torques are all but free."""
 
@@ -90,6 +93,59 @@ class _Worst:
     mu: Array
 
 
+@dataclass(frozen=True, eq=False)
+class _LeastSupport(Work[tuple[Array, Array, Array]]):
+    """Asks for the least support of each of S polygons along each of K twists.
+
+    The answer is that of `least_tilted_support`, its first axes (K, S).
+    """
+
+    group: Placeable
+    w: Array
+    tilt: float
+
+    def kind(self) -> tuple[int, float]:
+        return self.group.r_V.shape[1], self.tilt
+
+    @classmethod
+    def together(cls, works: Sequence[_LeastSupport]) -> list[tuple[Array, Array, Array]]:
+        shapes = [(len(work.w), len(work.group.mu)) for work in works]
+        groups = [
+            (work.group, np.tile(np.arange(num), k))
+            for work, (k, num) in zip(works, shapes, strict=True)
+        ]
+        h, r, n = least_tilted_support(
+            np.concatenate(
+                [np.repeat(w.w, num, axis=0) for w, (_, num) in zip(works, shapes, strict=True)]
+            ),
+            np.concatenate([group.r_V[k] for group, k in groups]),
+            np.concatenate([group.nhat[k] for group, k in groups]),
+            np.concatenate([group.mu[k] for group, k in groups]),
+            works[0].tilt,
+        )
+        ends = np.cumsum([k * num for k, num in shapes])[:-1]
+        parts = zip(np.split(h, ends), np.split(r, ends), np.split(n, ends), strict=True)
+        return [
+            (h.reshape(shape), r.reshape(*shape, 3), n.reshape(*shape, 3))
+            for (h, r, n), shape in zip(parts, shapes, strict=True)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class _CriticalTwists(Work[Array]):
+    """Asks for the twists along which three contacts withstand least, (_DIRECTIONS, 6)."""
+
+    r: Array
+    nhat: Array
+    mu: Array
+
+    @classmethod
+    def together(cls, works: Sequence[_CriticalTwists]) -> list[Array]:
+        r, nhat = np.stack([work.r for work in works]), np.stack([work.nhat for work in works])
+        mu = np.stack([work.mu for work in works])
+        return list(critical_directions(r, nhat, mu, np.zeros(3), 1.0, num=_DIRECTIONS)[0])
+
+
 class WorstPlacement:
     """The worst placement that is known of three contacts in regions.
 
@@ -120,41 +176,43 @@ class WorstPlacement:
         """The twist along which that is so."""
         return self._worst.w
 
-    def lowered(self, w: Array) -> float:
-        """Returns the least bound that is known with more twists.
+    def lowered(self, w: Array) -> Search[float]:
+        """Finds the least bound that is known with more twists.
 
         Args:
             w: twists, shape (K, 6).
+
+        Returns:
+            The bound.
         """
         before = self.bound
-        self._try(w)
+        yield from self._try(w)
         for _ in range(_ROUNDS):
             if self.bound >= before * (1.0 - _GAIN):
                 break
             before = self.bound
-            self._try(self._critical(self._worst))
+            critical = yield from self._critical(self._worst)
+            yield from self._try(critical)
         return self.bound
 
-    def _critical(self, worst: _Worst) -> Array:
+    def _critical(self, worst: _Worst) -> Search[Array]:
         """Twists along which one placement withstands least, with the worst centre of mass."""
         d = worst_centres_of_mass(worst.w[None], self._norm.com_error)[0]
         scale = _NO_TORQUE if self._norm.forces_only else 1.0
-        place = worst.r[None], worst.nhat[None], worst.mu[None]
-        w = critical_directions(*place, d, scale, num=_DIRECTIONS)[0][0].copy()
+        place = (worst.r - d) / scale, worst.nhat, worst.mu
+        w = (yield from result_of(_CriticalTwists(*place))).copy()
         w[:, 3:] /= scale
         # They turn about d; twists here turn about the nominal centre of mass.
         w[:, :3] -= cross(w[:, 3:], d)
         return np.round(unit(w), _DIGITS)
 
-    def _try(self, w: Array) -> None:
+    def _try(self, w: Array) -> Search[None]:
         """Takes the best of some twists if it is better."""
         rows = np.arange(len(w))
         best = np.full((len(w), 3), math.inf)
         r, nhat, mu = np.zeros((len(w), 3, 3)), np.zeros((len(w), 3, 3)), np.zeros((len(w), 3))
         for group in self._groups:
-            h, places, normals = least_tilted_support(
-                w, group.r_V, group.nhat, group.mu, self._tilt
-            )
+            h, places, normals = yield from result_of(_LeastSupport(group, w, self._tilt))
             for i in range(3):
                 own = np.flatnonzero(group.contact == i)
                 if not len(own):
@@ -172,8 +230,11 @@ class WorstPlacement:
 def padded(corners: Sequence[Array]) -> Array:
     """Returns polygons of as many corners, with their last ones repeated.
 
+    The number is a multiple of four, or one, so that different grasps often have as many.
+
     Args:
         corners: of each, shapes (V, 3).
     """
     most = max(map(len, corners))
+    most = most if most == 1 else -(-most // _CORNERS) * _CORNERS
     return np.stack([c[np.minimum(np.arange(most), len(c) - 1)] for c in corners])

@@ -113,7 +113,7 @@ def _bearing_errors(
         found += _first_bearing(judge, tried, errors, compared - len(found))
     if by_epsilon:
         found.sort(key=lambda each: each.level)  # stable
-    graded = [(each, each.certified) for each in found[:compared]]
+    graded = list(zip(found, _certified_bearings(found[:compared]), strict=False))
     if by_epsilon:
         graded.sort(key=lambda pair: (pair[0].level, -_least_epsilon(pair[1])))
     else:
@@ -131,14 +131,21 @@ class _Bearing:
     """Index of the errors, their number for none."""
     proved: ProvedErrors | None
 
-    @property
-    def certified(self) -> CertifiedGrasp:
-        """The certified grasp, with bounds of epsilon under the errors."""
-        (certified,) = _certified(self.judge, [self.ranked.row], [None])
-        if self.proved is None:
-            return certified
-        object_ = self.judge.work.request.object_
-        return replace(certified, region=bound_errors(object_, certified.grasp, self.proved))
+
+def _certified_bearings(bearings: Sequence[_Bearing]) -> list[CertifiedGrasp]:
+    """Certifies candidates, with bounds of epsilon under the errors that each bears."""
+    grasps = [_certified(each.judge, [each.ranked.row], [None])[0] for each in bearings]
+    bearing = [
+        (k, certified.grasp, each.proved)
+        for k, (certified, each) in enumerate(zip(grasps, bearings, strict=True))
+        if each.proved is not None
+    ]
+    if bearing:
+        object_ = bearings[0].judge.work.request.object_
+        regions = bound_errors(object_, [(grasp, proved) for _, grasp, proved in bearing])
+        for (k, _, _), region in zip(bearing, regions, strict=True):
+            grasps[k] = replace(grasps[k], region=region)
+    return grasps
 
 
 def _best_of_each_set(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,8 @@ import numpy as np
 from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.contact_regions import CertifiedRegions, certify_regions
-from drake_polygrasp.certification.region_epsilon import region_epsilon
+from drake_polygrasp.certification.region_epsilon import region_epsilons
+from drake_polygrasp.certification.region_task import RegionTask
 from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.placement_regions import placement_region
@@ -128,7 +129,7 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
         proves all placements.
     """
     proved = prove_errors(object_, grasp, errors)
-    return None if proved is None else bound_errors(object_, grasp, proved)
+    return None if proved is None else bound_errors(object_, [(grasp, proved)])[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,36 +180,42 @@ def prove_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> ProvedEr
     return None if regions is None else ProvedErrors(errors, tuple(pieces), regions)
 
 
-def bound_errors(object_: GraspObject, grasp: Grasp, proved: ProvedErrors) -> RegionCertificate:
-    """Bounds epsilon and squeeze force under errors that a grasp bears.
+def bound_errors(
+    object_: GraspObject, grasps: Sequence[tuple[Grasp, ProvedErrors]]
+) -> list[RegionCertificate]:
+    """Bounds epsilon and squeeze force under errors that grasps bear.
 
     Args:
         object_: what is grasped.
-        grasp: three contacts on its surface.
-        proved: the errors and their proof.
+        grasps: grasps of it, each with the errors and their proof.
 
     Returns:
-        The certificate.
+        The certificate of each.
     """
-    errors = proved.errors
-    bounds = region_epsilon(
-        proved.pieces,
-        grasp.mu,
-        object_.p_BBcm,
-        object_.rho,
-        tilt_error=errors.tilt,
-        friction_error=errors.friction,
-        com_error=errors.com,
-        mass=object_.mass,
-    )
-    return RegionCertificate(
-        placement_error=proved.regions.placement_error,
-        tilt_error=errors.tilt,
-        friction_error=errors.friction,
-        com_error=errors.com,
-        internal_force=proved.regions.internal_force,
-        pieces=proved.pieces,
-        epsilon_lower=bounds.epsilon_lower,
-        epsilon_upper=bounds.epsilon_upper,
-        squeeze_force=bounds.squeeze_force,
-    )
+    tasks = [
+        RegionTask(
+            proved.pieces,
+            grasp.mu,
+            object_.p_BBcm,
+            object_.rho,
+            object_.mass,
+            proved.errors.tilt,
+            proved.errors.friction,
+            proved.errors.com,
+        )
+        for grasp, proved in grasps
+    ]
+    return [
+        RegionCertificate(
+            placement_error=proved.regions.placement_error,
+            tilt_error=proved.errors.tilt,
+            friction_error=proved.errors.friction,
+            com_error=proved.errors.com,
+            internal_force=proved.regions.internal_force,
+            pieces=proved.pieces,
+            epsilon_lower=bounds.epsilon_lower,
+            epsilon_upper=bounds.epsilon_upper,
+            squeeze_force=bounds.squeeze_force,
+        )
+        for (_, proved), bounds in zip(grasps, region_epsilons(tasks), strict=True)
+    ]

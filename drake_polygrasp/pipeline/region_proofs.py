@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from drake_polygrasp.certification.region_epsilon import region_epsilon
+from drake_polygrasp.certification.region_epsilon import region_epsilons
 from drake_polygrasp.certification.region_proof import stated_proof
+from drake_polygrasp.certification.region_task import task_of
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 
 
@@ -23,19 +24,17 @@ def region_proofs(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> lis
         For each grasp with a bound above 0 all that `exact_cycle` asks, with the grasp's rank
         from 1, its faces and the bounds that are proved.
     """
+    bearing = [
+        (rank, certified, region)
+        for rank, certified in enumerate(grasps, start=1)
+        if (region := certified.region) is not None and region.epsilon_lower
+    ]
+    body = object_.p_BBcm, object_.rho, object_.mass
+    tasks = [task_of(region, certified.grasp, *body) for _, certified, region in bearing]
     proofs = []
-    for rank, certified in enumerate(grasps, start=1):
-        region = certified.region
-        if region is None or not region.epsilon_lower:
-            continue
-        tilt, friction, com = region.tilt_error, region.friction_error, region.com_error
-        contacts = region.pieces, certified.grasp.mu, object_.p_BBcm, object_.rho
-        found = region_epsilon(
-            *contacts, tilt_error=tilt, friction_error=friction, com_error=com, mass=object_.mass
-        )
-        proof = stated_proof(
-            found.proof, *contacts, tilt_error=tilt, friction_error=friction, com_error=com
-        )
+    for (rank, certified, region), task, found in zip(
+        bearing, tasks, region_epsilons(tasks), strict=True
+    ):
         states: dict[str, Any] = {
             "rank": rank,
             "faces": list(certified.grasp.faces),
@@ -43,5 +42,5 @@ def region_proofs(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> lis
         }
         if region.squeeze_force is not None:
             states |= {"mass": object_.mass, "squeeze_force": region.squeeze_force}
-        proofs.append({"states": states, **proof})
+        proofs.append({"states": states, **stated_proof(found.proof, task)})
     return proofs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
@@ -12,9 +12,10 @@ from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.region_epsilon import (
     RegionEpsilon,
-    region_epsilon,
+    region_epsilons,
 )
 from drake_polygrasp.certification.region_pieces import check_pieces
+from drake_polygrasp.certification.region_task import task_of
 from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
 from drake_polygrasp.geometry.placement_regions import placement_region
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -64,38 +65,35 @@ def _check_claim(region: RegionCertificate, pieces: _Pieces, mu: Array) -> exact
     return check_pieces(pieces, mu, region.internal_force, *errors)
 
 
-def region_number_violations(stated: StatedGrasp, object_: StatedObject) -> list[str]:
+def region_number_violations(
+    grasps: Sequence[StatedGrasp], object_: StatedObject
+) -> list[list[str]]:
     """Finds the bounds under errors that are stated more favourably than they are recomputed.
 
     Args:
-        stated: a grasp whose region is proved, or without a region.
-        object_: its object, whose mass, centre of mass and rho count.
+        grasps: whose regions are proved, or that have none.
+        object_: their object, whose mass, centre of mass and rho count.
 
     Returns:
-        One message for each violated claim.
+        For each grasp one message for each violated claim.
     """
-    region = stated.region
-    if region is None or (region.epsilon_lower, region.epsilon_upper, region.squeeze_force) == (
-        *(None, None, None),
-    ):
-        return []
-    violations: list[str] = []
+    violations: list[list[str]] = [[] for _ in grasps]
+    left = [(k, region) for k, g in enumerate(grasps) if (region := g.region) and _states(region)]
+    body = object_.p_BBcm, object_.rho, object_.mass
     for relative_gap in _GAPS:
-        found = region_epsilon(
-            region.pieces,
-            stated.grasp.mu,
-            object_.p_BBcm,
-            object_.rho,
-            tilt_error=region.tilt_error,
-            friction_error=region.friction_error,
-            com_error=region.com_error,
-            mass=object_.mass,
-            relative_gap=relative_gap,
-        )
-        violations = list(_bound_violations(region, found))
-        if not violations:
-            break
+        tasks = [
+            task_of(region, grasps[k].grasp, *body, relative_gap=relative_gap) for k, region in left
+        ]
+        for (k, region), found in zip(left, region_epsilons(tasks), strict=True):
+            violations[k] = list(_bound_violations(region, found))
+        left = [(k, region) for k, region in left if violations[k]]
     return violations
+
+
+def _states(region: RegionCertificate) -> bool:
+    """Whether a region states any bound."""
+    bounds = region.epsilon_lower, region.epsilon_upper, region.squeeze_force
+    return any(bound is not None for bound in bounds)
 
 
 def _bound_violations(region: RegionCertificate, found: RegionEpsilon) -> Iterator[str]:

@@ -131,6 +131,7 @@ def verify_file(
         for stated in file.grasps:
             tell(len(grasps), len(file.grasps))
             grasps.append(_verify_grasp(stated, file.object_, model, avoided, hand))
+        grasps = _with_regions(grasps, file)
     if plant and model.object_ is not None:
         for i, stated in enumerate(file.grasps):
             tell(i, len(file.grasps))
@@ -175,7 +176,7 @@ def _verify_grasp(
     numbers = (
         CheckResult(Status.NOT_CHECKED, "the grasp is not proved")
         if forces.status is Status.FAILED
-        else _check_numbers(stated, object_, clearance, surface.status is not Status.FAILED)
+        else _check_numbers(stated, object_, clearance)
     )
     held = None
     if stated.hand is not None:
@@ -334,13 +335,21 @@ def _surface_violations(
 
 
 def _check_numbers(
-    stated: StatedGrasp, object_: StatedObject, clearance: float | None, with_region: bool
+    stated: StatedGrasp, object_: StatedObject, clearance: float | None
 ) -> CheckResult:
-    """Recomputes the numbers; the bounds under errors only of regions that may be the surface's."""
-    violations: Iterator[str] = iter(number_violations(stated, object_, clearance))
-    if with_region:
-        violations = chain(violations, region_number_violations(stated, object_))
-    line = _line(Status.RECOMPUTED, violations)
+    """Recomputes the numbers of a certificate."""
+    line = _line(Status.RECOMPUTED, number_violations(stated, object_, clearance))
     if line.status is Status.RECOMPUTED and clearance is None:
         return CheckResult(line.status, "placement_tolerance is not held against the faces' edges")
     return line
+
+
+def _with_regions(grasps: list[GraspVerification], file: GraspFile) -> list[GraspVerification]:
+    """Recomputes the bounds under errors too, but only of regions that may be the surface's."""
+    failed = [
+        Status.FAILED in (g.forces.status, g.surface.status, g.numbers.status) for g in grasps
+    ]
+    rows = [i for i, is_out in enumerate(failed) if not is_out]
+    found = region_number_violations([file.grasps[i] for i in rows], file.object_)
+    lines = {i: _line(Status.RECOMPUTED, each) for i, each in zip(rows, found, strict=True) if each}
+    return [replace(g, numbers=lines.get(i, g.numbers)) for i, g in enumerate(grasps)]

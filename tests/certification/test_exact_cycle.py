@@ -15,6 +15,7 @@ from drake_polygrasp.certification import exact_cycle
 from drake_polygrasp.certification.exact_cycle import RefusedError, check_region_proof
 from drake_polygrasp.certification.region_epsilon import region_epsilon
 from drake_polygrasp.certification.region_proof import stated_proof
+from drake_polygrasp.certification.region_task import RegionTask
 from tests.certification.test_region_epsilon import grasps_that_hold, leaning_pieces, polygons
 
 ERRORS = {"tilt_error": 0.05, "friction_error": 0.1, "com_error": 0.02}
@@ -22,9 +23,10 @@ ERRORS = {"tilt_error": 0.05, "friction_error": 0.1, "com_error": 0.02}
 
 def proof_of(regions, mu, errors, mass=None):
     p_BBcm = np.array([0.01, -0.02, 0.03])
-    found = region_epsilon(regions, mu, p_BBcm, 1.1, mass=mass, **errors)
+    task = RegionTask(regions, mu, p_BBcm, 1.1, mass=mass, **errors)
+    found = region_epsilon(task)
     assert found.epsilon_lower > 0
-    stated = stated_proof(found.proof, regions, mu, p_BBcm, 1.1, **errors)
+    stated = stated_proof(found.proof, task)
     return json.loads(json.dumps(stated))
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from drake_polygrasp.certification.contact_regions import DiscPolygon
 from drake_polygrasp.certification.region_epsilon import region_epsilon
+from drake_polygrasp.certification.region_task import RegionTask
 from drake_polygrasp.certification.robustness import epsilon_interval, squeeze_force
 from drake_polygrasp.vectors import unit
 from drake_polygrasp.wrenches.contacts import force_closure
@@ -28,6 +29,11 @@ def polygons(p, n, radius: float, num: int = 8):
         ring = np.cos(angle) * first + np.sin(angle) * np.cross(nhat, first)
         regions.append([DiscPolygon(centre + radius * ring, nhat)])
     return regions
+
+
+def bounds_of(regions, mu, p_BBcm=ORIGIN, **errors):
+    """The bounds of a grasp of an object of rho = 1."""
+    return region_epsilon(RegionTask(regions, mu, p_BBcm, 1.0, **errors))
 
 
 def grasps_that_hold():
@@ -64,7 +70,7 @@ def least_sampled(regions, mu, count=400, seed=0, tilt=0.0, loss=0.0, com=0.0, r
 
 def test_regions_that_are_points_have_the_epsilon_and_squeeze_of_the_grasp():
     for p, n, mu in grasps_that_hold():
-        found = region_epsilon(polygons(p, n, 0.0), mu, ORIGIN, 1.0, mass=2.0)
+        found = bounds_of(polygons(p, n, 0.0), mu, mass=2.0)
         judge = epsilon_interval(p, n, mu, ORIGIN, 1.0)
         assert found.epsilon_lower <= judge.upper and judge.lower <= found.epsilon_upper
         assert 0.97 * found.epsilon_upper <= found.epsilon_lower <= found.epsilon_upper
@@ -76,7 +82,7 @@ def test_regions_that_are_points_have_the_epsilon_and_squeeze_of_the_grasp():
 def test_the_bounds_bracket_the_worst_of_placements():
     for p, n, mu in grasps_that_hold():
         regions = polygons(p, n, 0.03)
-        found = region_epsilon(regions, mu, ORIGIN, 1.0)
+        found = bounds_of(regions, mu)
         assert found.epsilon_lower >= 0.95 * found.epsilon_upper > 0
         sampled = least_sampled(regions, mu)
         # Of 400 placements, 200 are triples of corners, of which there are 512.
@@ -85,11 +91,11 @@ def test_the_bounds_bracket_the_worst_of_placements():
 
 def test_larger_regions_and_errors_leave_less():
     p, n, mu = grasps_that_hold()[0]
-    by_radius = [region_epsilon(polygons(p, n, r), mu, ORIGIN, 1.0) for r in (0, 0.02, 0.05, 0.1)]
+    by_radius = [bounds_of(polygons(p, n, r), mu) for r in (0, 0.02, 0.05, 0.1)]
     regions = polygons(p, n, 0.02)
     errors = [{}, {"tilt_error": 0.05}, {"tilt_error": 0.05, "friction_error": 0.1}]
     errors.append({**errors[-1], "com_error": 0.1})
-    by_error = [region_epsilon(regions, mu, ORIGIN, 1.0, mass=1.0, **each) for each in errors]
+    by_error = [bounds_of(regions, mu, mass=1.0, **each) for each in errors]
     for found in (by_radius, by_error):
         for one, more in itertools.pairwise(found):
             assert one.epsilon_lower > more.epsilon_lower > 0
@@ -103,8 +109,8 @@ def test_a_centre_of_mass_that_is_off_costs_no_more_than_the_shear():
     s = 0.1
     for p, n, mu in grasps_that_hold()[:5]:
         regions = polygons(p, n, 0.02)
-        known = region_epsilon(regions, mu, ORIGIN, 1.0)
-        off = region_epsilon(regions, mu, ORIGIN, 1.0, com_error=s)
+        known = bounds_of(regions, mu)
+        off = bounds_of(regions, mu, com_error=s)
         assert off.epsilon_upper >= (math.sqrt(1 + s * s / 4) - s / 2) * known.epsilon_lower
         assert off.epsilon_lower < known.epsilon_upper
 
@@ -121,7 +127,7 @@ def test_no_placement_withstands_less_than_the_lower_bound(errors, near):
     for seed, (p, n, mu) in enumerate(grasps_that_hold()[:8]):
         for radius in (0.02, 0.06):
             regions = polygons(p, n, radius)
-            found = region_epsilon(regions, mu, ORIGIN, 1.0, **errors)
+            found = bounds_of(regions, mu, **errors)
             sampled = least_sampled(regions, mu, 300, seed, *errors.values())
             assert sampled >= found.epsilon_lower
             size = max(size, found.epsilon_lower / sampled)
@@ -132,7 +138,7 @@ def test_the_squeeze_force_holds_the_weight_wherever_contacts_are():
     errors = {"tilt_error": 0.05, "friction_error": 0.1, "com_error": 0.05}
     for seed, (p, n, mu) in enumerate(grasps_that_hold()[:4]):
         regions = polygons(p, n, 0.02)
-        squeeze = region_epsilon(regions, mu, ORIGIN, 1.0, mass=1.0, **errors).squeeze_force
+        squeeze = bounds_of(regions, mu, mass=1.0, **errors).squeeze_force
         # With torques divided by next to nothing, epsilon is the least force withstood.
         r_w = least_sampled(regions, mu, 200, seed, *errors.values(), rho=1e-6)
         if squeeze is not None:
@@ -141,8 +147,8 @@ def test_the_squeeze_force_holds_the_weight_wherever_contacts_are():
 
 def test_contacts_that_may_lose_the_grasp_have_no_bound():
     p, n, mu = grasps_that_hold()[0]
-    far = region_epsilon(polygons(p, n, 0.8), mu, ORIGIN, 1.0, mass=1.0)
-    steep = region_epsilon(polygons(p, n, 0.01), mu, ORIGIN, 1.0, mass=1.0, tilt_error=1.0)
+    far = bounds_of(polygons(p, n, 0.8), mu, mass=1.0)
+    steep = bounds_of(polygons(p, n, 0.01), mu, mass=1.0, tilt_error=1.0)
     for found in (far, steep):
         assert (found.epsilon_lower, found.squeeze_force) == (0.0, None)
         assert found.proof.epsilon is None and found.proof.weight is None
@@ -165,16 +171,14 @@ def leaning_pieces(p, n, radius: float, lean: float, spread: float):
 
 def test_regions_of_several_pieces_and_curved_ones_are_bounded():
     for seed, (p, n, mu) in enumerate(grasps_that_hold()[:3]):
-        flat = region_epsilon(leaning_pieces(p, n, 0.03, 0.0, 0.0), mu, ORIGIN, 1.0)
+        flat = bounds_of(leaning_pieces(p, n, 0.03, 0.0, 0.0), mu)
         regions = leaning_pieces(p, n, 0.03, 0.05, 0.0)
-        found = region_epsilon(regions, mu, ORIGIN, 1.0)
+        found = bounds_of(regions, mu)
         sampled = least_sampled(regions, mu, 400, seed)
         assert 0.9 * sampled < found.epsilon_lower <= sampled
         # A normal that leans by 0.05 within a piece is one that tilts by 0.05.
-        curved = region_epsilon(leaning_pieces(p, n, 0.03, 0.0, math.tan(0.05)), mu, ORIGIN, 1.0)
-        tilted = region_epsilon(
-            leaning_pieces(p, n, 0.03, 0.0, 0.0), mu, ORIGIN, 1.0, tilt_error=0.05
-        )
+        curved = bounds_of(leaning_pieces(p, n, 0.03, 0.0, math.tan(0.05)), mu)
+        tilted = bounds_of(leaning_pieces(p, n, 0.03, 0.0, 0.0), mu, tilt_error=0.05)
         assert curved.epsilon_lower == pytest.approx(tilted.epsilon_lower, rel=0.03)
         assert curved.epsilon_lower < flat.epsilon_lower
 
@@ -182,10 +186,10 @@ def test_regions_of_several_pieces_and_curved_ones_are_bounded():
 def test_the_frame_and_the_order_of_contacts_do_not_matter():
     p, n, mu = grasps_that_hold()[1]
     regions = polygons(p, n, 0.03)
-    first = region_epsilon(regions, mu, ORIGIN, 1.0)
+    first = bounds_of(regions, mu)
     shift = np.array([0.3, -2.0, 1.0])
     for R in random_rotations(4, np.random.default_rng(2)):
         order = [2, 0, 1]
         turned = [[DiscPolygon(regions[i][0].p_BV @ R.T + shift, n[i] @ R.T)] for i in order]
-        found = region_epsilon(turned, mu[order], shift, 1.0)
+        found = bounds_of(turned, mu[order], shift)
         assert found.epsilon_lower == pytest.approx(first.epsilon_lower, rel=0.02)

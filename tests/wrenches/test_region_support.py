@@ -50,7 +50,7 @@ def test_no_point_of_a_polygon_has_less_support_than_the_least(size, lean):
         corners, nhat = polygon(rng, size)
         w = twists(rng, corners, nhat)
         nhat = unit(nhat + lean * rng.normal(size=3))
-        h, r = least_support(w, corners[None], nhat[None], np.array([mu]))
+        h, r = least_support(w[:, None], corners[None], nhat[None], np.array([mu]))
         np.testing.assert_allclose(h[:, 0], h_of(w, r[:, 0], nhat, mu), atol=1e-12)
         points = rng.dirichlet(np.full(len(corners), 0.5), 20000) @ corners
         sampled = h_of(w[:, None], points, nhat, mu).min(axis=1)
@@ -64,11 +64,11 @@ def test_a_hinge_through_the_polygon_has_no_support_there():
     # It turns about the y axis: the points (0, y, 0) do not move, all others slip or lift.
     square = np.array([[[1.0, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]])
     turn = np.array([[0.0, 0, 0, 0, 1, 0]])
-    h, r = least_support(turn, square, np.array([[1.0, 0, 0]]), np.array([0.5]))
+    h, r = least_support(turn[:, None], square, np.array([[1.0, 0, 0]]), np.array([0.5]))
     assert h[0, 0] == 0.0 and r[0, 0, 0] == 0.0
     # Turned about z at (1, 0, 0) by one: u = (-y, x - 1, 0); along y, h = mu |y| + x - 1.
     turn = np.array([[0.0, -1, 0, 0, 0, 1]])
-    h, r = least_support(turn, square, np.array([[0.0, 1, 0]]), np.array([0.5]))
+    h, r = least_support(turn[:, None], square, np.array([[0.0, 1, 0]]), np.array([0.5]))
     assert h[0, 0] == pytest.approx(-2.0, abs=1e-15)
     np.testing.assert_allclose(r[0, 0], [-1, 0, 0], atol=1e-15)
 
@@ -77,7 +77,7 @@ def test_one_point_is_a_polygon():
     rng = np.random.default_rng(0)
     w, r, nhat = rng.normal(size=(30, 6)), rng.normal(size=(1, 1, 3)), unit(rng.normal(size=(1, 3)))
     for corners in (r, np.repeat(r, 4, axis=1)):
-        h, _ = least_support(w, corners, nhat, np.array([0.4]))
+        h, _ = least_support(w[:, None], corners, nhat, np.array([0.4]))
         np.testing.assert_allclose(h[:, 0], h_of(w, r[0, 0], nhat[0], 0.4), atol=1e-14)
 
 
@@ -109,7 +109,7 @@ def test_what_a_tilted_contact_supports_is_attained_and_is_less_than_upright():
     for mu in (0.1, 0.5, 1.0):
         corners, nhat = polygon(rng, 0.1)
         w = twists(rng, corners, nhat)
-        arguments = w, corners[None], nhat[None], np.array([mu])
+        arguments = w[:, None], corners[None], nhat[None], np.array([mu])
         h, r, n = least_tilted_support(*arguments, 0.1)
         np.testing.assert_allclose(h[:, 0], h_of(w, r[:, 0], n[:, 0], mu), atol=1e-12)
         assert (n[:, 0] @ nhat >= np.cos(0.1) - 1e-14).all()

@@ -1,0 +1,64 @@
+"""States a grasp and the errors under which its bounds are sought."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.certification.region_pieces import RegionPiece
+from drake_polygrasp.grasp import Grasp, RegionCertificate
+
+BOUNDS_GAP = 0.02
+"""Our choice: how far apart the bounds of epsilon may stay, over the upper one."""
+
+
+@dataclass(frozen=True, eq=False)
+class RegionTask:
+    """A grasp whose bounds are sought, with what may be off at once.
+
+    Attributes:
+        regions: the pieces on one of which each contact is; on an edge between two it has the
+            normal of one of them, but for the tilt.
+        mu: friction coefficients, shape (3,).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        mass: of the body [kg]; None where it is unknown.
+        tilt_error: angle by which normals may differ from the surface's [rad].
+        friction_error: share by which friction coefficients may be less.
+        com_error: how far the centre of mass may be off [m].
+        relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
+    """
+
+    regions: Sequence[Sequence[RegionPiece]]
+    mu: Array
+    p_BBcm: Array
+    rho: float
+    mass: float | None = None
+    tilt_error: float = 0.0
+    friction_error: float = 0.0
+    com_error: float = 0.0
+    relative_gap: float = BOUNDS_GAP
+
+
+def task_of(
+    region: RegionCertificate,
+    grasp: Grasp,
+    p_BBcm: Array,
+    rho: float,
+    mass: float | None,
+    *,
+    relative_gap: float = BOUNDS_GAP,
+) -> RegionTask:
+    """Returns the task of a grasp with the errors that it is certified to bear.
+
+    Args:
+        region: the errors, and the surface that contacts may touch.
+        grasp: the grasp.
+        p_BBcm: centre of mass of the object [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        mass: of the object [kg]; None where it is unknown.
+        relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
+    """
+    errors = region.tilt_error, region.friction_error, region.com_error
+    return RegionTask(region.pieces, grasp.mu, p_BBcm, rho, mass, *errors, relative_gap)
