@@ -19,6 +19,7 @@ known within bounds: see `check_region`.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import math
@@ -346,6 +347,7 @@ def _narrowed(mu: Fraction, tangent: Fraction) -> Fraction:
     return (mu - tangent) / (1 + mu * tangent) if mu > 0 else mu
 
 
+@functools.lru_cache(maxsize=256)  # a plan asks again and again for the same few
 def _tangent_bound(angle: Fraction) -> Fraction:
     """Bounds the tangent of an angle from 0 to `MAX_TILT` from above, to 1 in 10^12.
 

@@ -55,7 +55,8 @@ def hand_grasp_under_errors(
             continue
         tried.add(of_grasp)
         if (proved := prove_errors(object_, grasp, asked)) is not None:
-            certified = replace(certified, region=bound_errors(object_, grasp, proved))
+            (region,) = bound_errors(object_, [(grasp, proved)])
+            certified = replace(certified, region=region)
             load = hand_load(scene, certified, hold)
             torque = posture_torque(scene, grasp, held.posture, load, hold.friction_share)
             assert isinstance(torque, HandTorque)  # the loads are those that it holds already

@@ -230,10 +230,10 @@ def _with_plant(
     return replace(report, plant=verdicts)
 
 
-def _line(passed: Status, faults: Iterable[str]) -> CheckResult:
-    """Returns the status `passed`, or FAILED with the first fault if there is one."""
+def _line(passed: Status, faults: Iterable[str], left_out: str = "") -> CheckResult:
+    """Returns the status `passed` with what is left out, or FAILED with the first fault."""
     fault = next(iter(faults), None)
-    return CheckResult(passed) if fault is None else CheckResult(Status.FAILED, fault)
+    return CheckResult(passed, left_out) if fault is None else CheckResult(Status.FAILED, fault)
 
 
 def _find_model(
@@ -334,22 +334,17 @@ def _surface_violations(
         yield f"with the surface's own points and normals, {check.reason}"
 
 
-def _check_numbers(
-    stated: StatedGrasp, object_: StatedObject, clearance: float | None
-) -> CheckResult:
+def _check_numbers(stated: StatedGrasp, body: StatedObject, clearance: float | None) -> CheckResult:
     """Recomputes the numbers of a certificate."""
-    line = _line(Status.RECOMPUTED, number_violations(stated, object_, clearance))
-    if line.status is Status.RECOMPUTED and clearance is None:
-        return CheckResult(line.status, "placement_tolerance is not held against the faces' edges")
-    return line
+    left_out = "placement_tolerance is not held against the faces' edges"
+    violations = number_violations(stated, body, clearance)
+    return _line(Status.RECOMPUTED, violations, left_out if clearance is None else "")
 
 
 def _with_regions(grasps: list[GraspVerification], file: GraspFile) -> list[GraspVerification]:
     """Recomputes the bounds under errors too, but only of regions that may be the surface's."""
-    failed = [
-        Status.FAILED in (g.forces.status, g.surface.status, g.numbers.status) for g in grasps
-    ]
-    rows = [i for i, is_out in enumerate(failed) if not is_out]
+    checks = [{g.forces.status, g.surface.status, g.numbers.status} for g in grasps]
+    rows = [i for i, statuses in enumerate(checks) if Status.FAILED not in statuses]
     found = region_number_violations([file.grasps[i] for i in rows], file.object_)
     lines = {i: _line(Status.RECOMPUTED, each) for i, each in zip(rows, found, strict=True) if each}
     return [replace(g, numbers=lines.get(i, g.numbers)) for i, g in enumerate(grasps)]
