@@ -1,7 +1,26 @@
-"""Settings of all tests."""
+"""Settings of all tests, and what several files share."""
 
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
 # The same examples in every run, and no time limit on each: machines are shared.
 settings.register_profile("drake_polygrasp", deadline=None, derandomize=True)
 settings.load_profile("drake_polygrasp")
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The documentation as a site, built without a warning."""
+    directory = tmp_path_factory.mktemp("site")
+    # In a process of its own: it loads what lazy imports leave out.
+    command = [sys.executable, "-m", "docs.website", str(directory)]
+    root = Path(__file__).parents[1]
+    result = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=300)
+    assert (result.returncode, result.stderr) == (0, "")
+    return directory
