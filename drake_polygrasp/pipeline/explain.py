@@ -11,10 +11,14 @@ import numpy.typing as npt
 from drake_polygrasp.arrays import Ints, frozen
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.paper.reasons import REASONS
+from drake_polygrasp.paper.reasons import CODE, REASONS
 from drake_polygrasp.pipeline.fallback import make_requests, sets_and_codes
 from drake_polygrasp.pipeline.judging import judge_all
 from drake_polygrasp.settings import Method, PlanOptions
+
+
+_SETTLED = tuple(CODE[reason] for reason in ("certified", "excluded", "orientation"))
+"""Codes of sets about which a request with less friction says nothing else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,9 +114,14 @@ def explain_sets(
         friction_error=friction_error,
         com_error=com_error,
     )
-    requests = make_requests(object_, options)
-    request = requests[-1]
-    sets, code = sets_and_codes(requests, [judge_all(each) for each in requests])
+    *others, request = make_requests(object_, options)
+    last = judge_all(request)
+    sets, code = sets_and_codes([request], [last])
+    # The others have less friction and smaller regions, but points of their own: they matter where
+    # a set may hold on which the last finds nothing.
+    if not np.isin(code, _SETTLED).all():
+        judges = [*map(judge_all, others), last]
+        sets, code = sets_and_codes([*others, request], judges)
     counts = request.counts(code)
     sets, code = request.with_excluded(sets, code)
     # A pair's third region, -1, becomes face -1.
