@@ -109,6 +109,16 @@ def test_on_small_screens_the_object_is_seen_and_no_plane_is_cropped(
     assert not plane[[0, -1]].any() and not plane[:, [0, -1]].any()
 
 
+def test_on_a_narrow_screen_the_object_is_seen_beside_the_open_panel_too(page: Path) -> None:
+    opened = page.with_name("opened.html")
+    unfold = "<script>document.querySelector('#polygrasp details').open = true</script>"
+    opened.write_text(page.read_text().replace("</body>", f"{unfold}</body>"))
+    picture, _ = look(opened, size="412,915")
+    above = picture[: int(0.45 * len(picture))]
+    for colour in CONTACTS:
+        assert of_hue(above, colour, 0.25).mean() > 2e-4, colour
+
+
 def test_without_its_grasps_none_of_their_colours_are_seen(tmp_path: Path) -> None:
     object_, _ = planned("l_bracket")
     meshcat = Meshcat()
