@@ -25,6 +25,7 @@ _CAPSULES = ((14, 60), (20, 40), (30, 50))
 """Radius and length [mm]."""
 _LENGTHS = {"size", "radius", "length", "radii"}
 _NO_SCALE = "1 1 1"
+_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 class HandObject(NamedTuple):
@@ -124,6 +125,7 @@ def _scaled(
         ElementTree.register_namespace("drake", namespace)
     root = ElementTree.fromstring(text)
     _scale(root, float(factor * scale), file.parent)
+    _mend_inertia(root, factor * scale, factor * scale * sides)
     scaled = out / f"{name}_{factor:g}{file.suffix}"
     scaled.write_text(ElementTree.tostring(root, encoding="unicode"))
     yield HandObject(name, scaled)
@@ -142,6 +144,31 @@ def _scale(root: ElementTree.Element, scale: float, folder: Path) -> None:
             if element.tag == "mesh":
                 element.set("scale", _times(element.get("scale", _NO_SCALE), scale))
                 element.set("filename", _whole(element.get("filename", ""), folder))
+
+
+def _mend_inertia(root: ElementTree.Element, scale: float, sides: Array) -> None:
+    """Scales the inertia of a model at the same mass; one that no body has becomes a box's."""
+    for inertial in root.iter("inertial"):
+        mass, inertia = inertial.find("mass"), inertial.find("inertia")
+        if mass is None or inertia is None:
+            continue
+        values = mass.get("value") or mass.text or "0"
+        of_box = float(values) / 12 * (sides @ sides - sides**2)
+        moments = {}
+        for key in _MOMENTS:
+            child = inertia.find(key)
+            text = inertia.get(key) if child is None else child.text
+            moments[key] = scale**2 * float(text or 0.0)
+        xx, yy, zz, xy, xz, yz = moments.values()
+        full = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if not np.linalg.eigvalsh(full).min() > 0:
+            moments = dict(zip(_MOMENTS, [*of_box.tolist(), 0.0, 0.0, 0.0], strict=True))
+        for key, value in moments.items():
+            child = inertia.find(key)
+            if child is None:
+                inertia.set(key, repr(value))
+            else:
+                child.text = repr(value)
 
 
 def _scale_sdf(element: ElementTree.Element, scale: float, folder: Path) -> None:

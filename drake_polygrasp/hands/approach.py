@@ -160,7 +160,7 @@ def _back_off(
     """Moves the used tips off the object; returns also how far, or None if it is too little."""
     hand, context = scene.hand, scene.context(posture.fingers)
     independent = scene.independent
-    lower, upper = hand.lower[independent], hand.upper[independent]
+    lower, upper, units = hand.lower[independent], hand.upper[independent], hand.joint_units
     target = tip_places(scene, grasp, posture.fingers) - opening * grasp.nhat_TB_B
     z = posture.q[independent]
     scene.place(context, posture.X_BPalm, posture.q)
@@ -168,14 +168,15 @@ def _back_off(
     for _ in range(_STEPS):
         scene.place(context, posture.X_BPalm, hand.E @ z + hand.e0)
         p_BT, _ = scene.tips(context, posture.fingers)
-        J = scene.jacobians(context, posture.fingers, p_BT) @ hand.E
+        J = scene.jacobians(context, posture.fingers, p_BT) @ hand.E * units
         J[:, :3] *= turn_length
         turned = [
             turn_length * _small_turn(R @ scene.tip_rotation(context, k).inverse())
             for R, k in zip(R_start, posture.fingers, strict=True)
         ]
         missing = np.hstack([turned, target - p_BT]).ravel()
-        z = np.clip(z + _step(J.reshape(18, -1), missing, z - lower, upper - z), lower, upper)
+        room = (z - lower) / units, (upper - z) / units
+        z = np.clip(z + units * _step(J.reshape(18, -1), missing, *room), lower, upper)
     z = np.round(z, _DECIMALS)
     q = np.round(hand.E @ z + hand.e0, _DECIMALS + 3)
     scene.place(context, posture.X_BPalm, q)
@@ -190,7 +191,7 @@ def _back_off(
 
 
 def _step(J: Array, missing: Array, room_below: Array, room_above: Array) -> Array:
-    """Returns a damped Gauss-Newton step that moves no joint out of its limits."""
+    """Returns a damped Gauss-Newton step in joint units that moves no joint out of its limits."""
     free = np.ones(J.shape[1], dtype=bool)
     step = np.zeros(J.shape[1])
     for _ in range(2):  # Joints that the first step moves out stay where they are in the second.

@@ -61,7 +61,7 @@ class HandDescription:
         friction: friction coefficient of the tips; None for the model's.
         effort: greatest effort of each joint, by name [N m, or N of a prismatic joint], or one
             number for all; None for the model's.
-        limit_margin: distance kept from joint limits in the library [rad or m].
+        limit_margin: distance kept from joint limits in the library [rad].
         max_angle: greatest angle between a tip's axis and the inward normal that it touches [rad].
         kp: proportional gain of each joint [N m/rad].
         kd: derivative gain of each joint [N m s/rad].

@@ -20,6 +20,10 @@ from drake_polygrasp.hands.in_plant import HandInPlant, add_hand, find_hand, in_
 from drake_polygrasp.hands.tip_fit import TipFit
 from drake_polygrasp.loading.model_source import ModelFiles
 
+LEVER = 0.05
+"""Motion of a prismatic joint that counts as much as 1 rad of another [m]. Our choice: about what
+that moves a fingertip."""
+
 
 @dataclass(frozen=True, eq=False)
 class Tip:
@@ -99,6 +103,15 @@ class Hand:
     def name(self) -> str:
         """Name of the hand."""
         return self.description.name
+
+    @property
+    def joint_units(self) -> Array:
+        """Positions of the independent joints that count as much as 1 rad, shape (k,).
+
+        1 of revolute joints, and `LEVER` of prismatic ones.
+        """
+        types = {joint.name(): joint.type_name() for joint in self.in_plant.joints}
+        return np.array([LEVER if types[n] == "prismatic" else 1.0 for n in self.independent])
 
     @property
     def model_suffix(self) -> str:

@@ -104,7 +104,7 @@ def draw_postures(hand: Hand, num: int, seed: int) -> Draws:
     chosen = [hand.joints.index(name) for name in hand.independent]
     lower, upper = hand.lower[chosen], hand.upper[chosen]
     # A joint of little range keeps the middle half of it.
-    margin = np.minimum(hand.description.limit_margin, 0.25 * (upper - lower))
+    margin = np.minimum(hand.description.limit_margin * hand.joint_units, 0.25 * (upper - lower))
     z = rng.uniform(lower + margin, upper - margin, (num, len(chosen)))
     q = times(z, hand.E.T) + hand.e0
     within: Bools = np.logical_and.reduce((q >= hand.lower) & (q <= hand.upper), axis=1)

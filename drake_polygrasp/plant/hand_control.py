@@ -39,7 +39,8 @@ class HandTimes(NamedTuple):
 def add_hand_actuators(hand: Hand, plant: MultibodyPlant, instance: ModelInstanceIndex) -> None:
     """Gives the independent joints of a hand actuators, where it has none, and PD control.
 
-    The gains are those of the hand's description.
+    The gains are those of the hand's description; of prismatic joints those that hold as stiffly at
+    the end of a lever of `hand.LEVER`.
 
     Args:
         hand: the hand.
@@ -47,13 +48,14 @@ def add_hand_actuators(hand: Hand, plant: MultibodyPlant, instance: ModelInstanc
         instance: the hand's model instance.
     """
     present = {actuator.joint().name(): actuator for actuator in _actuators(plant, instance)}
-    gains = PdControllerGains(p=hand.description.kp, d=hand.description.kd)
-    for name, effort in zip(hand.independent, hand.effort.tolist(), strict=True):
+    kp, kd = hand.description.kp, hand.description.kd
+    of_joint = hand.effort.tolist(), hand.joint_units.tolist()
+    for name, effort, unit in zip(hand.independent, *of_joint, strict=True):
         if name not in present:
             joint = plant.GetJointByName(name, instance)
             most = effort if math.isfinite(effort) else math.inf
             present[name] = plant.AddJointActuator(name, joint, most)
-        present[name].set_controller_gains(gains)
+        present[name].set_controller_gains(PdControllerGains(p=kp / unit**2, d=kd / unit**2))
 
 
 def _actuators(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[JointActuator]:

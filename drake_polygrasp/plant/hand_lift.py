@@ -35,6 +35,7 @@ from drake_polygrasp.plant.hand_control import HandController, HandTimes, smooth
 from drake_polygrasp.plant.harness import connect_commands
 from drake_polygrasp.plant.lift_plant import LiftPlant
 from drake_polygrasp.plant.load_test import PADS
+from drake_polygrasp.plant.loads import NO_INERTIA, has_inertia
 from drake_polygrasp.plant.scratch_plant import make_scene
 
 LIFT = 0.10
@@ -105,8 +106,8 @@ def lift_with_hand(
     Raises:
         UsageError: when an argument has the wrong type or value, the mass is not known, or the
             hand's model is welded to the world.
-        ModelError: when the object came from no file, the file cannot be read again, or Drake
-            refuses to simulate the object.
+        ModelError: when the object came from no file, the file cannot be read again or states no
+            rotational inertia about some axis, or Drake refuses to simulate the object.
     """
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     contacts = grasp_of(grasp)
@@ -128,6 +129,8 @@ def lift_with_hand(
     mass = placement.torque.mass or object_.mass
     if mass is None:
         raise UsageError("the mass of the object is not known; give the mass of the load")
+    if not has_inertia(scene.solid):
+        raise ModelError(f"{NO_INERTIA}, so Drake cannot simulate it; state its inertia")
     if mu is not None:
         scene = replace(scene, grasp=replace(scene.grasp, mu=np.full(3, mu)))
     factor = 1.0 if feedforward else 0.0

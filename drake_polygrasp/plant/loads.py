@@ -29,6 +29,8 @@ LABELS = (
     "the wrench that the grasp bears least",
 )
 """Names of the loads of every `LoadPlan`, in their order."""
+NO_INERTIA = "the model states no rotational inertia about some axis"
+"""Why an object cannot be simulated."""
 _NUM_WEIGHTS = 6
 
 
@@ -110,10 +112,8 @@ def plan_loads(
     object_, grasp = scene.object_, scene.grasp
     if object_.mass is None:
         return LoadsUnavailable(Verdict.UNDECIDED, "not run: the model states no mass")
-    if not _has_inertia(scene.solid):
-        return LoadsUnavailable(
-            Verdict.UNDECIDED, "not run: the model states no rotational inertia about some axis"
-        )
+    if not has_inertia(scene.solid):
+        return LoadsUnavailable(Verdict.UNDECIDED, f"not run: {NO_INERTIA}")
     squeeze = default_squeeze(object_, grasp, region)
     if squeeze is None:
         return LoadsUnavailable(Verdict.FAILS, "no squeeze holds the weight in every orientation")
@@ -173,8 +173,12 @@ def _planned(
     return LoadPlan(holding.f_Bc_B[0], holding.rows(slice(1, None)), labels)
 
 
-def _has_inertia(solid: Solid) -> bool:
-    """Returns whether all principal moments of inertia are positive, as Drake needs."""
+def has_inertia(solid: Solid) -> bool:
+    """Returns whether all principal moments of inertia are positive, as Drake needs.
+
+    Args:
+        solid: the object.
+    """
     M = solid.M_BBo_B
     central = M.Shift(M.get_com()).CalcRotationalInertia()
     return bool(min(central.CalcPrincipalMomentsOfInertia()) > 0)

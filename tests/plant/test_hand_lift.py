@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_polygrasp import (
     HandController,
     HandError,
+    ModelError,
     UsageError,
     lift_with_hand,
     load_hand,
@@ -28,7 +30,7 @@ from drake_polygrasp.files.stated_grasp import StatedPlan
 from drake_polygrasp.grasp import Verdict
 from drake_polygrasp.hand_grasp import HandGrasp
 from drake_polygrasp.plant import HandTimes, add_hand_actuators
-from drake_polygrasp.plant.hand_lift import HELD_RISE, LIFT
+from drake_polygrasp.plant.hand_lift import HELD_RISE, LIFT, judge_lift
 from drake_polygrasp.plant.supports import support_points
 from tests.support.hands import CUBE, MODELS, own_hand, own_hand_grasps, planned
 
@@ -53,6 +55,18 @@ def test_the_planned_torques_lift_and_hold_and_their_absence_does_not(model: Pat
         assert not idle.held
         slippery = lift_with_hand(object_, each.certified, own_hand(), each, mu=0.05)
         assert not slippery.held
+
+
+def test_an_object_without_inertia_is_not_lifted_and_that_is_said(tmp_path: Path) -> None:
+    file = tmp_path / "flat.sdf"
+    text, count = re.subn("<izz>.*</izz>", "<izz>0</izz>", CUBE.read_text())
+    assert count == 1
+    file.write_text(text)
+    each = own_hand_grasps(CUBE)[0]
+    with pytest.raises(ModelError, match="no rotational inertia about some axis"):
+        lift_with_hand(load_object(file), each.certified, own_hand(), each)
+    verdict = judge_lift(load_object(file), each.certified, own_hand(), each)
+    assert verdict.verdict is Verdict.UNDECIDED
 
 
 def test_joints_that_mimic_others_follow_them_in_the_lift() -> None:
