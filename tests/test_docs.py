@@ -104,7 +104,7 @@ def rows(page: str) -> list[list[str]]:
 @cache
 def words_in_code() -> set[str]:
     """Every word in the Python files, of ours and of the libraries that they use."""
-    folders = ("benchmarks", "drake_polygrasp", "examples", "tests")
+    folders = ("benchmarks", "docs", "drake_polygrasp", "examples", "notebooks", "tests")
     files = [file for folder in folders for file in (ROOT / folder).rglob("*.py")]
     return set(re.findall(r"\w+", "\n".join(file.read_text() for file in files)))
 
