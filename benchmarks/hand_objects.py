@@ -166,9 +166,9 @@ def _mend_inertia(root: ElementTree.Element, scale: float, sides: Array) -> None
         for key, value in moments.items():
             child = inertia.find(key)
             if child is None:
-                inertia.set(key, repr(value))
+                inertia.set(key, repr(float(value)))
             else:
-                child.text = repr(value)
+                child.text = repr(float(value))
 
 
 def _scale_sdf(element: ElementTree.Element, scale: float, folder: Path) -> None:
