@@ -124,7 +124,10 @@ def read_description(path: str | Path) -> HandDescription:
     palm.check_keys(("frame", "approach"))
     tips = tuple(_read_tip(block) for block in root.blocks("tips"))
     if not 3 <= len(tips) <= _MOST_TIPS:
-        raise root.refuse("tips", f"a list of 3 to {_MOST_TIPS} fingertips; three hold an object")
+        raise HandError(
+            f"{root.where}tips has {len(tips)} fingertips; three hold an object, so list 3 to "
+            f"{_MOST_TIPS}"
+        )
     _check_distinct(root, tips)
     stated: dict[str, Any] = {}
     for key in ("friction", "limit_margin"):

@@ -249,6 +249,10 @@ def _moves(joint: Joint, bodies: Sequence[RigidBody], where: str) -> bool:
 def _frame(plant: MultibodyPlant, instance: ModelInstanceIndex, name: str, key: str) -> Frame:
     if not plant.HasFrameNamed(name, instance):
         names = [plant.get_frame(index).name() for index in plant.GetFrameIndices(instance)]
+        joints = [plant.get_joint(index).name() for index in plant.GetJointIndices(instance)]
+        # Drake adds frames of its own at joints.
+        added = {f"{joint}_{end}" for joint in joints for end in ("parent", "child")}
+        names = [name for name in names if name not in added]
         raise HandError(f"{key} is '{name}', which the model lacks; its frames: {listed(names)}")
     return plant.GetFrameByName(name, instance)
 
