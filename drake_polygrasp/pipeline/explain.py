@@ -16,7 +16,6 @@ from drake_polygrasp.pipeline.fallback import make_requests, sets_and_codes
 from drake_polygrasp.pipeline.judging import judge_all
 from drake_polygrasp.settings import Method, PlanOptions
 
-
 _SETTLED = tuple(CODE[reason] for reason in ("certified", "excluded", "orientation"))
 """Codes of sets about which a request with less friction says nothing else."""
 
