@@ -36,19 +36,22 @@ _stopped_runs: set[str] = set()
 
 @dataclass(frozen=True)
 class ChunkContext:
-    """What all chunks of a run share; it can be sent to other processes.
+    """How chunks of a run are done; it can be sent to other processes.
 
     Attributes:
         function: what children call, as "package.module:name".
         limits: limits of each task.
         output: where grasp files go.
         run: name of the run.
+        lost: how often the chunk was lost with its worker. Dask answers a call that it knows with
+            what became of it, so that another attempt has to be another call.
     """
 
     function: str
     limits: TaskLimits
     output: GraspOutput
     run: str = ""
+    lost: int = 0
 
 
 def run_here(
@@ -150,7 +153,7 @@ def run_on_executor(
 
     def submit(tasks: list[ChildTask], lost: int) -> None:
         try:
-            chunks[executor.submit(run_chunk, context, tasks)] = tasks, lost
+            chunks[executor.submit(run_chunk, replace(context, lost=lost), tasks)] = tasks, lost
         except Exception as error:
             raise _lost(error) from error
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import pickle
 import shutil
 import sqlite3
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import IO
 
@@ -217,6 +218,34 @@ def test_shards_and_executors_give_the_same_files_as_one_run(planned: Path) -> N
         assert sum(shards) == len(whole)
         assert files_of(planned / f"out_{count}") == files_of(planned / "out")
         assert sorted(r.key for r in rows_of(planned / f"out_{count}").values()) == sorted(whole)
+
+
+class LosingExecutor(ThreadPoolExecutor):
+    """Loses each call once, and like Dask remembers what became of it by function and arguments."""
+
+    def __init__(self) -> None:
+        super().__init__(1)
+        self.futures: dict[bytes, Future[object]] = {}
+
+    def submit(self, fn: Callable[..., object], /, *arguments: object) -> Future[object]:  # type: ignore[override]
+        call = pickle.dumps((fn, arguments))
+        if call not in self.futures:
+            first = len(self.futures) % 2 == 0
+            self.futures[call] = super().submit(lose) if first else super().submit(fn, *arguments)
+        return self.futures[call]
+
+
+def lose() -> None:
+    raise RuntimeError("the worker was killed")
+
+
+def test_a_chunk_that_is_lost_with_its_worker_is_another_call(
+    planned: Path, tmp_path: Path
+) -> None:
+    with LosingExecutor() as executor:
+        report = plan_batch(planned / "parts", tmp_path, executor=executor, **QUICK)
+    assert report.counts == {"ok": 3, "bad_model": 1}
+    assert len(executor.futures) == 2
 
 
 def test_a_limit_is_of_objects_that_are_planned(planned: Path, tmp_path: Path) -> None:
