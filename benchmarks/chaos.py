@@ -52,7 +52,7 @@ SLOTS = 2
 TIMEOUT = 15.0
 KILLED_WORKERS = 3
 ALIVE_SECONDS = 2.0
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Time for an object after which the driver is taken to hang [s]."""
 
 
@@ -218,6 +218,8 @@ def drive(folder: Path, num_objects: int, num_kills: int, engine: str, seed: int
 def dask_under_fire(folder: Path, share: int, num_kills: int, seed: int) -> Iterator[Executor]:
     """A LocalCluster's executor; workers are killed while it runs."""
     distributed = import_module("distributed")
+    # By default the cluster gives a worker up that a busy machine does not restart within 15 s.
+    import_module("dask").config.set({"distributed.deploy.lost-worker-timeout": "1 hour"})
     progress, chance = Progress(folder), random.Random(seed)
 
     def wait_for(event: Callable[[], bool]) -> None:
