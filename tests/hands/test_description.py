@@ -118,7 +118,8 @@ def test_a_bad_description_is_one_line_that_names_the_place(tmp_path: Path, case
 
 def test_two_tips_are_too_few(tmp_path: Path) -> None:
     lines = SHORT.splitlines(keepends=True)
-    with pytest.raises(HandError, match="tips has 2 fingertips; three hold an object, so list 3 to 20"):
+    fault = "tips has 2 fingertips; three hold an object, so list 3 to 20"
+    with pytest.raises(HandError, match=fault):
         read_description(written(tmp_path, "".join(lines[:-2])))
 
 
