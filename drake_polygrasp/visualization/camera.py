@@ -17,6 +17,15 @@ _ANGLE = np.radians(30.0)
 """Our choice: angle of view [rad], small so that parallel edges look parallel."""
 _AIR = 1.06
 """Our choice: distance of the eye, over that from which what is drawn fills the picture."""
+_ROOM = 1.0
+"""Our choice: the largest diameter of objects for which Meshcat's lamps are far enough away [m]."""
+_DAYLIGHT = {
+    "AmbientLight": 1.6,
+    "FillLight": 1.2,
+    "PointLightNegativeX": 0.0,
+    "PointLightPositiveX": 0.0,
+}
+"""Our choice: intensities of light that does not depend on how large an object is."""
 
 
 def look_at(
@@ -44,6 +53,9 @@ def look_at(
     for property_ in ("top_color", "bottom_color"):
         meshcat.SetProperty("/Background/<object>", property_, [1.0, 1.0, 1.0])
     L = object_.polyhedron.diameter
+    if L > _ROOM:
+        for light, intensity in _DAYLIGHT.items():
+            meshcat.SetProperty(f"/Lights/{light}/<object>", "intensity", intensity)
     meshcat.SetProperty("/Cameras/default/rotated/<object>", "near", 0.01 * L)
     meshcat.SetProperty("/Cameras/default/rotated/<object>", "fov", float(np.degrees(_ANGLE)))
     vertices = surface_vertices(object_.polyhedron)
