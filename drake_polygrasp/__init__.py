@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from drake_polygrasp.plant.hand_lift import LiftOutcome, lift_with_hand
     from drake_polygrasp.settings import NO_ERRORS, PlanSettings
     from drake_polygrasp.verification.report import VerificationReport
+    from drake_polygrasp.verification.stated_model import load_planned_object
     from drake_polygrasp.verification.verify import verify_file
 
 __all__ = [
@@ -130,6 +131,7 @@ __all__ = [
     "load_grasps",
     "load_hand",
     "load_object",
+    "load_planned_object",
     "load_surroundings",
     "object_from_mesh",
     "object_from_plant",
@@ -183,6 +185,7 @@ _HOMES = {
     "plant.hand_lift": ("LiftOutcome", "lift_with_hand"),
     "settings": ("NO_ERRORS", "PlanSettings"),
     "verification.report": ("VerificationReport",),
+    "verification.stated_model": ("load_planned_object",),
     "verification.verify": ("verify_file",),
 }
 

@@ -93,6 +93,7 @@ class GraspObject:
         source: the model file; None for a body of a plant without one.
         warnings: what was assumed or changed on loading, one sentence each.
         body: identifies the body among those of its plant, for obstacles; None if it is unknown.
+        mu: friction coefficient that replaces the model's, which files state; None where none does.
     """
 
     polyhedron: Polyhedron
@@ -102,6 +103,7 @@ class GraspObject:
     source: ModelSource | None = None
     warnings: tuple[str, ...] = ()
     body: BodyIdentity | None = None
+    mu: float | None = None
 
     def with_friction(self, mu: float) -> GraspObject:
         """Returns the object with another friction coefficient on all faces, without loading it.
@@ -119,7 +121,7 @@ class GraspObject:
         """
         mu = check_number("mu", mu, _FRICTION, above=0.0, most=100.0)
         faces = tuple(replace(face, mu=mu) for face in self.polyhedron.faces)
-        return replace(self, polyhedron=replace(self.polyhedron, faces=faces))
+        return replace(self, polyhedron=replace(self.polyhedron, faces=faces), mu=mu)
 
     def with_mass(self, mass: float | None) -> GraspObject:
         """Returns the object with another mass at the same centre, without loading it.

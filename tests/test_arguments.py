@@ -187,6 +187,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         },
         "load_grasps": {"path": file.path},
         "load_hand": {"description": THREE_FINGER, "package_paths": (), "packages": None},
+        "load_planned_object": {"grasp_file": file.path, "package_paths": (), "packages": None},
         "load_object": {"model_file": CUBE, "body_name": None, "mu": None, **settings},
         "load_surroundings": {
             "scene_file": CUBE,

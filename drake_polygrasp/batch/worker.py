@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import tempfile
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -89,9 +88,8 @@ def plan_model(
         return row | {"reason": found.reason}
     best = found.grasps[0]
     certificate = (best.certified if isinstance(best, HandGrasp) else best).certificate
-    settings = replace(found.settings, mu=load["mu"])
     return row | {
-        "text": grasp_file_text(Path(folder), object_, found.grasps, settings),
+        "text": grasp_file_text(Path(folder), object_, found.grasps, found.settings),
         "num_grasps": len(found.grasps),
         "epsilon": certificate.epsilon_lower,
         "margin": certificate.margin,

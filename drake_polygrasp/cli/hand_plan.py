@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -134,7 +133,7 @@ def run_hand_plan(
     print_warnings(plan.warnings)
     code = DONE
     if plan.grasps:
-        save_grasps(output, object_, plan.grasps, replace(plan.settings, mu=arguments.mu))
+        save_grasps(output, object_, plan.grasps, plan.settings)
     else:
         code = print_error(_no_grasp(arguments.model, hand.name, plan, output), FAILED)
     if not arguments.json:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -158,10 +157,8 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
     if arguments.plant and plan.grasps:
         plan = _rank_in_plant(arguments, object_, plan)
     if plan.grasps:
-        # The file says that friction is the user's, or `verify` would compare it with the model's.
-        settings = replace(plan.settings, mu=arguments.mu)
         proofs = _region_proofs(arguments, object_, plan)
-        save_grasps(output, object_, plan.grasps, settings)
+        save_grasps(output, object_, plan.grasps, plan.settings)
     else:
         print_error(no_grasp_message(arguments.model, object_, plan, output), FAILED)
     gap = None if arguments.gap is None else _gap(arguments, object_, plan)

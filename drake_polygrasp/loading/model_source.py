@@ -146,6 +146,10 @@ class _Reader:
         if not path.name.lower().endswith(SUFFIXES):
             if not path.exists():
                 raise ModelError(f"{path}: there is no such model file; mend the path")
+            if path.name.endswith(".grasp.yaml"):
+                raise ModelError(
+                    f"{path}: is a grasp file, not a model; load_planned_object loads its object"
+                )
             raise ModelError(f"{path}: Drake reads {', '.join(SUFFIXES)}, not this; convert it")
         suffix = path.suffix.lower()
         if suffix != ".sdf" or folder is None:

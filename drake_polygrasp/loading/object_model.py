@@ -7,7 +7,7 @@ them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -145,7 +145,7 @@ def load_object(
         names = quote_names(unstated)
         warnings.append(f"{where}: its mass is unknown, as the model states none of {names}")
     stated = None if unstated else mass_properties(group, parsed.context)
-    return object_of(
+    object_ = object_of(
         parts,
         covering_parts(inspector, covers, where),
         stated,
@@ -155,6 +155,7 @@ def load_object(
         patch_angle,
         patch_depth,
     )
+    return replace(object_, mu=mu)
 
 
 def reload_object(

@@ -134,7 +134,7 @@ def object_from_plant(
     )
     identity = identity_of(parts, (str(body.scoped_name()),))
     if model_file is None:
-        return replace(live, body=identity)
+        return replace(live, body=identity, mu=mu)
     from_file = load_object(
         model_file,
         body_name=body_name or body.name(),

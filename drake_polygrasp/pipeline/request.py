@@ -189,6 +189,7 @@ def make_request(
     check_instance("object_", object_, GraspObject, "as load_object returns it")
     polyhedron = object_.polyhedron
     settings = options.resolve(polyhedron.diameter, float(polyhedron.mu.max(initial=0.0)))
+    settings = replace(settings, mu=object_.mu)
     require_faces(polyhedron, settings.exclude_faces)
     if options.obstacles is not None:
         check_same_body("obstacles", options.obstacles.body, object_.body)
