@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -80,3 +81,12 @@ def test_the_first_picture_moves_and_loops_and_is_small() -> None:
         assert picture.info["loop"] == 0
         assert min(picture.size) >= 400
     assert first.stat().st_size < 2e6
+
+
+def test_every_extra_that_is_named_is_there_and_the_notebooks_open() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = extras["optional-dependencies"]
+    assert set(re.findall(r"\.\[(\w+)\]", README)) <= set(extras)
+    assert "jupyter lab" in README and any(
+        line.startswith("jupyterlab") for line in extras["notebooks"]
+    )
