@@ -33,6 +33,7 @@ from drake_polygrasp.pipeline.region_certificates import Errors, certify_errors
 from drake_polygrasp.verification.report import Status
 from tests.support.convex_polyhedra import prism, write_obj
 from tests.support.hands import CUBE, own_hand_grasps
+from tests.support.planned import exact_plan
 from tests.support.solids import regular_polygon
 
 ROOT = Path(__file__).parents[1]
@@ -207,7 +208,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     cube = load_object(MODELS / "cube" / "cube.sdf")
     table = np.array([[[-1.0, -1, -1], [1, -1, -1], [0, 1, -1]]])
     obstacles = Obstacles(RigidTransform(), ("table",), table, np.array([False]), (), reach=2.0)
-    plan = plan_grasps(cube, top=1, obstacles=obstacles)
+    plan = exact_plan(cube, top=1, effort="quick", obstacles=obstacles)
     save_grasps(around, cube, bearing_errors(cube, plan.grasps), plan.settings)
     model_file = folder / "ball.urdf"
     model_file.write_text(
@@ -215,15 +216,16 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
         "</geometry></collision></link></robot>"
     )
     ball = load_object(model_file, mu=0.5)
-    plan = plan_grasps(ball, top=1)
+    plan = exact_plan(ball, top=1, effort="quick")
     save_grasps(curved, ball, bearing_errors(ball, plan.grasps), plan.settings)
     stack = folder / "stack.urdf"
     block = '<link name="{}"><collision><geometry><box size="1 1 1"/></geometry></collision></link>'
+    few = ("--top", "1", "--effort", "quick")
     weld = '<joint name="j" type="fixed"><parent link="low"/><child link="high"/></joint>'
     stack.write_text(f'<robot name="r">{block.format("low")}{block.format("high")}{weld}</robot>')
-    assert main(["plan", str(stack), "--joints-free", "--top", "1", "-o", str(welded)]) == 0
+    assert main(["plan", str(stack), "--joints-free", *few, "-o", str(welded)]) == 0
     write_obj(folder / "mm.obj", prism(regular_polygon(4, 40.0), 60.0))
-    asked = ["--scale", "0.001", "--top", "1", "-o", str(scaled)]
+    asked = ["--scale", "0.001", *few, "-o", str(scaled)]
     assert main(["plan", str(folder / "mm.obj"), *asked]) == 0
     save_grasps(held, cube, own_hand_grasps(CUBE, up=True)[:1], plan.settings)
     return [yaml.safe_load((folder / f"{name}.yaml").read_text()) for name in names]
