@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+# Read when NumPy is imported: tests of several processes are to share the processors.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # The same examples in every run, and no time limit on each: machines are shared.
 settings.register_profile("drake_polygrasp", deadline=None, derandomize=True)

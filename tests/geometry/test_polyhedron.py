@@ -324,7 +324,7 @@ def test_nothing_is_said_of_corners_that_are_one_but_for_rounding() -> None:
     ]
     polygon = np.array([shapely.Polygon(corners)])
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
+        warnings.simplefilter("error", RuntimeWarning)
         wide, narrow = (shrunk(polygon, by)[0] for by in (0.0379, 0.001))
     assert wide.is_empty
     assert shapely.distance(narrow, polygon[0].boundary) == pytest.approx(0.001)

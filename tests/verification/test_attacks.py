@@ -278,7 +278,7 @@ def test_what_readers_of_yaml_differ_on_is_refused(
         verify_file(write_box(tmp_path, EXAMPLE.replace(honest, spoilt, 1)))
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_direction_whose_square_overflows_is_refused_in_one_message(tmp_path: Path) -> None:
     avoided = {"avoid_directions": [[1e308, 1e308, 1e308]], "avoid_angle": 0.5}
     file = edit(write_box(tmp_path), lambda d: d["plan"].update(avoided))

@@ -454,10 +454,10 @@ def test_show_serves_until_interrupted() -> None:
         try:
             assert process.stdout is not None
             url = next(line.split()[1] for line in process.stdout if line.startswith("open http"))
-            with urllib.request.urlopen(url, timeout=60) as page:
+            with urllib.request.urlopen(url, timeout=300) as page:
                 assert page.status == 200
             process.send_signal(signal.SIGINT)
-            assert process.wait(timeout=60) == 0
+            assert process.wait(timeout=300) == 0
         finally:
             process.kill()  # lest a failure leaves it serving
 
