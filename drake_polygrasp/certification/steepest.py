@@ -29,8 +29,9 @@ _SECANTS, _LEAST_PART = 4, 0.02
 """Our choice: secants of a line search, and the least part of a step that is taken."""
 _DIGITS = 9
 """Our choice: decimals of twists."""
-_BLOCK = 256
-"""Our choice: how many simplices are done at once; their arrays fit a processor's cache."""
+_CORNERS, _FEWEST = 12288, 32
+"""Our choice: how many corners of simplices are done at once, for their arrays to fit a processor's
+cache, but not of fewer simplices than these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +74,15 @@ class Steepen(Work[tuple[Array, Array]]):
         enough = np.repeat([work.enough for work in works], counts)
         w = _rounded(np.concatenate([work.w for work in works]))
         values = np.empty(len(w))
-        rows = np.arange(len(w))
-        for block in batches(len(w), _BLOCK):
+        rows, size = (
+            np.arange(len(w)),
+            max(_FEWEST, _CORNERS // (6 * works[0].generators.num_corners)),
+        )
+        for block in batches(len(w), size):
             heights = _paired(_wrenches(works, ends, rows[block]), w[block])
             values[block] = heights.min(axis=1) / norm.take(block).of(w[block])
         low = np.flatnonzero(values < enough)
-        for block in batches(len(low), _BLOCK):
+        for block in batches(len(low), size):
             rows = low[block]
             a = _wrenches(works, ends, rows)
             found = _steepest(a, w[rows], values[rows], norm.take(rows), enough[rows])
