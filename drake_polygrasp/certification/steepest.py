@@ -74,10 +74,8 @@ class Steepen(Work[tuple[Array, Array]]):
         enough = np.repeat([work.enough for work in works], counts)
         w = _rounded(np.concatenate([work.w for work in works]))
         values = np.empty(len(w))
-        rows, size = (
-            np.arange(len(w)),
-            max(_FEWEST, _CORNERS // (6 * works[0].generators.num_corners)),
-        )
+        rows = np.arange(len(w))
+        size = max(_FEWEST, _CORNERS // (6 * works[0].generators.num_corners))
         for block in batches(len(w), size):
             heights = _paired(_wrenches(works, ends, rows[block]), w[block])
             values[block] = heights.min(axis=1) / norm.take(block).of(w[block])

@@ -19,7 +19,10 @@ from __future__ import annotations
 from drake_polygrasp import lazy_names
 
 FORMATS: dict[str, tuple[str, str]] = {
-    "directives": ("dmd.yaml", "Drake model directives that add contact and fingertip frames"),
+    "directives": (
+        "dmd.yaml",
+        "Drake model directives: frames of contacts, fingertips and palms",
+    ),
     "isaac_grasp": ("yaml", "postures of a hand, for NVIDIA Isaac's isaac_grasp reader"),
     "moveit": ("yaml", "postures of a hand, as a list of MoveIt's moveit_msgs/Grasp"),
     "contacts_jsonl": ("jsonl", "contacts as JSON Lines, one contact a line"),

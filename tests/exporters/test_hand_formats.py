@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelDirectives
+from pydrake.multibody.plant import MultibodyPlant
 from scipy.spatial.transform import Rotation
 
-from drake_polygrasp import load_grasps
+from drake_polygrasp import export_directives, load_grasps
 from drake_polygrasp.exporters import export_isaac_grasp, export_moveit
 from tests.support.held_files import write_held_box
 
@@ -34,6 +36,32 @@ Quaternion: float64 x; float64 y; float64 z; float64 w
 """
 """Fields of the ROS 2 messages, a type a paragraph; a Point has the fields of a Vector3."""
 BASIC = {"string": str, "float32": float, "float64": float, "int32": int, "uint32": int}
+
+
+def test_directives_have_the_palm_at_the_grasp_and_before(tmp_path: Path) -> None:
+    file = load_grasps(write_held_box(tmp_path))
+    output = tmp_path / "box.dmd.yaml"
+    export_directives(file, output)
+    plant = MultibodyPlant(0.0)
+    parser = Parser(plant)
+    parser.AddModels(str(tmp_path / "box.sdf"))
+    ProcessModelDirectives(LoadModelDirectives(str(output)), parser)
+    plant.Finalize()
+    context, body = plant.CreateDefaultContext(), plant.GetBodyByName("box").body_frame()
+    hand = file.grasps[0].hand
+    assert hand is not None
+    before = hand.pregrasp
+    for kind, moved in (("palm", 0.0), ("pregrasp_palm", before.distance)):
+        X_BPalm = plant.GetFrameByName(f"grasp_1_{kind}").CalcPose(context, body)
+        p_BPalm = hand.p_BPalm + moved * before.direction_B
+        np.testing.assert_allclose(X_BPalm.translation(), p_BPalm, atol=1e-12)
+        w, *xyz = hand.quaternion_BPalm
+        R_BPalm = Rotation.from_quat([*xyz, w]).as_matrix()
+        np.testing.assert_allclose(X_BPalm.rotation().matrix(), R_BPalm, atol=1e-9)
+    assert not plant.HasFrameNamed("grasp_2_palm")  # No hand holds the second grasp.
+    comments = [line for line in output.read_text().splitlines() if "joints of" in line]
+    q = yaml.safe_load(comments[0].partition(": ")[2])
+    assert q == dict(hand.q)
 
 
 def fields() -> dict[str, dict[str, str]]:
