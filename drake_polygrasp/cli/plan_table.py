@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import degrees
+from math import degrees, floor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,13 +55,14 @@ def _plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
     ]
 
 
-_THEN = "squeeze holds the weight with exact contacts, then: with all these errors"
+_THEN = "epsilon and squeeze are of exact contacts, then: of the worst of all these errors"
+_RANKED = ", by whose epsilon grasps are ranked"
 
 
 def error_columns(
     settings: PlanSettings, grasps: Sequence[CertifiedGrasp]
 ) -> list[tuple[str, ...]]:
-    """Returns the cells "bears" and "then" of header, units and rows; none without errors.
+    """Returns the cells "bears" and twice "then" of header, units and rows; none without errors.
 
     Args:
         settings: those of the plan.
@@ -70,15 +71,16 @@ def error_columns(
     if not settings.has_errors:
         return [()] * (2 + len(grasps))
     cells = [_bears_cells(grasp.region) for grasp in grasps]
-    return [("bears", "then"), ("[mm]", "[N]"), *cells]
+    return [("bears", "then", "then"), ("[mm]", "epsilon", "[N]"), *cells]
 
 
-def _bears_cells(region: RegionCertificate | None) -> tuple[str, str]:
-    """Returns the misses that a grasp bears, and its squeeze force under all errors."""
+def _bears_cells(region: RegionCertificate | None) -> tuple[str, str, str]:
+    """Returns the misses that a grasp bears, and its epsilon and squeeze under all errors."""
     if region is None:
-        return "-", "-"
+        return "-", "-", "-"
     squeeze = "-" if region.squeeze_force is None else f"{region.squeeze_force:.1f}"
-    return f"{1e3 * region.placement_error.min():.2f}", squeeze
+    epsilon = f"{floor(1e4 * (region.epsilon_lower or 0.0)) / 1e4:.4f}"
+    return f"{1e3 * region.placement_error.min():.2f}", epsilon, squeeze
 
 
 def error_lines(
@@ -89,7 +91,7 @@ def error_lines(
     Args:
         settings: those of the plan.
         grasps: its grasps, best first.
-        squeeze: line on the squeeze under these errors.
+        squeeze: line on epsilon and squeeze under these errors.
     """
     if not settings.has_errors:
         return []
@@ -163,13 +165,14 @@ def plan_table(model: str, object_: GraspObject, plan: GraspPlan, output: Path) 
             strict=True,
         )
     ]
+    then = _THEN + (_RANKED if plan.settings.rank == "epsilon" else "")
     num_faces = len(object_.polyhedron.faces)
     head = head_line(model, num_faces, plan.excluded_faces, plan.num_sets)
     return "\n".join(
         [
             f"{head}, {_counts(plan)}",
             *align_columns(cells),
-            *error_lines(plan.settings, plan.grasps, _THEN),
+            *error_lines(plan.settings, plan.grasps, then),
             *_plant_lines(plan.grasps),
             *_placement_lines(object_, plan.grasps),
             f"wrote {output}",
