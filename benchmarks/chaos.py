@@ -124,7 +124,7 @@ def chaos(
         driver.kill()
         code = driver.wait()
     if code != 0:
-        faults.append(f"the driver ended with {code}: {said_by(folder)}")
+        return [*faults, f"the driver ended with {code}: {said_by(folder)}"]
     kills += progress.killed_workers
     if kills < num_kills:
         faults.append(f"only {kills} kills")
