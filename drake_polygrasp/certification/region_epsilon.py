@@ -147,12 +147,12 @@ def region_epsilons(tasks: Sequence[RegionTask]) -> list[RegionEpsilon]:
 
 def _bounds(task: RegionTask) -> Search[RegionEpsilon]:
     """Bounds what a grasp withstands, with the proof."""
-    search, norms = _search_of(task), [LoadNorm(task.com_error / task.rho)]
+    problem, norms = _problem_of(task), [LoadNorm(task.com_error / task.rho)]
     if task.mass:
         norms.append(LoadNorm(task.com_error / task.rho, forces_only=True))
     outcomes = []
     for gap, refinement, shares in _ATTEMPTS:
-        outcome = yield from _attempt(search, norms, gap, refinement, shares)
+        outcome = yield from _attempt(problem, norms, gap, refinement, shares)
         outcomes.append(outcome)
         if not outcome.is_open:
             break
@@ -167,7 +167,7 @@ def _bounds(task: RegionTask) -> Search[RegionEpsilon]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Search:
+class _Problem:
     """What a search for bounds is given.
 
     Attributes:
@@ -187,7 +187,7 @@ class _Search:
     relative_gap: float
 
 
-def _search_of(task: RegionTask) -> _Search:
+def _problem_of(task: RegionTask) -> _Problem:
     regions, errors = task.regions, (task.tilt_error, task.friction_error)
     is_within = 0.0 <= task.tilt_error <= MAX_TILT and 0.0 <= task.friction_error < 1.0
     left = [
@@ -199,7 +199,7 @@ def _search_of(task: RegionTask) -> _Search:
     place, tilt = (task.p_BBcm, task.rho), task.tilt_error if is_within else MAX_TILT
     contacts = ranging_contacts(regions, narrowed, tilt, *place)
     least = (1.0 - task.friction_error) * task.mu[contacts.contact]
-    return _Search(
+    return _Problem(
         contacts,
         _critical(contacts),
         placeable(regions, least.tolist(), *place),
@@ -224,26 +224,26 @@ class _Outcome:
 
 
 def _attempt(
-    search: _Search,
+    problem: _Problem,
     norms: Sequence[LoadNorm],
     gap: float,
     refinement: Refinement,
     shares: Sequence[float],
 ) -> Search[_Outcome]:
     """Proves what facets of a hull prove that is within a gap of its support."""
-    generators = SweptGenerators(search.contacts)
+    generators = SweptGenerators(problem.contacts)
     simplices, w = _first_facets(generators, gap)
-    is_friction = bool(search.contacts.cones.mu.min() > 0.0)
-    is_around = is_friction and encloses(generators.middle, simplices)
+    has_friction = bool(problem.contacts.cones.mu.min() > 0.0)
+    is_around = has_friction and encloses(generators.middle, simplices)
     proofs: list[FacetProof | None] = []
     is_open = False
     for norm in norms:
-        apart = max(search.relative_gap, _SQUEEZE_GAP if norm.forces_only else 0.0)
-        facets, tried = unswept(simplices, w), [search.start]
+        apart = max(problem.relative_gap, _SQUEEZE_GAP if norm.forces_only else 0.0)
+        facets, tried = unswept(simplices, w), [problem.start]
         proof = None
         if is_around:
-            ceiling = _Ceiling(generators, search.served, norm)
-            yield from ceiling.lowered(search.start)
+            ceiling = _Ceiling(generators, problem.served, norm)
+            yield from ceiling.lowered(problem.start)
             for share in shares:
                 generators.range_by(share)
                 facets = unswept(facets.simplices, facets.twists)
@@ -261,7 +261,7 @@ def _attempt(
             tried.append(ceiling.w[None])
         proofs.append(proof)
         if norm is norms[0]:
-            worst = WorstPlacement(search.possible, search.tilt_error, norm)
+            worst = WorstPlacement(problem.possible, problem.tilt_error, norm)
             upper = yield from worst.lowered(np.concatenate([*tried, lowest_twists(facets)]))
     return _Outcome(generators, proofs, upper, is_open)
 

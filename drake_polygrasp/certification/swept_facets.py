@@ -4,7 +4,7 @@ Given a closed surface of simplices of generators around the origin (`simplex_cy
 w_s for each simplex s, the least over s of the least height of its six generators along w_s, over
 N(w_s), is withstood in the norm N wherever the contacts are: docs/certificate.md has the proof. The
 best twist of a simplex is its direction of least distance from the origin, swept; where that is not
-enough a generator is added and the facets around are replaced.
+enough a generator is added and the low facets around are replaced.
 """
 
 from __future__ import annotations
@@ -128,8 +128,8 @@ def raised(
     """
     best, last = facets, 0
     bound = yield from upper(np.zeros((0, 6)))
+    goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
     for count in range(refinement.most_rounds + 1):
-        goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
         facets = yield from _steepened(generators, facets, norm, goal)
         bound = yield from upper(lowest_twists(facets))
         goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from drake_polygrasp.cli.table import align_columns
+from drake_polygrasp.cli.table import align_columns, counted
 
 if TYPE_CHECKING:
     from drake_polygrasp.batch.rows import BatchRow
@@ -28,16 +28,12 @@ def report_lines(report: BatchReport) -> list[str]:
     Args:
         report: what it did.
     """
-    objects, models = _counted(report.num_objects, "object"), _counted(report.num_sources, "model")
+    objects, models = counted(report.num_objects, "object"), counted(report.num_sources, "model")
     return [
         f"{report.out}: {objects} of {models}, {report.num_planned:,} planned in "
         f"{report.seconds:.1f} s",
         *_count_lines(report.counts),
     ]
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def _count_lines(counts: Mapping[str, int]) -> list[str]:
@@ -52,7 +48,7 @@ def status_lines(status: BatchStatus) -> list[str]:
     Args:
         status: what it holds.
     """
-    named = _counted(status.num_sources, "model")
+    named = counted(status.num_sources, "model")
     lines = [
         f"{status.out}: {status.num_objects - status.num_waiting:,} of {status.num_objects:,} "
         f"objects that were met have a result; sources name {named}",

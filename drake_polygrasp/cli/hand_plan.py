@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from drake_polygrasp.cli.calls import planning_options
 from drake_polygrasp.cli.plan_table import error_columns, error_lines
 from drake_polygrasp.cli.reporting import DONE, FAILED, as_json, print_error, print_warnings
-from drake_polygrasp.cli.table import align_columns
+from drake_polygrasp.cli.table import align_columns, counted
 from drake_polygrasp.cli.values import read_component, read_mass, read_seconds, read_seed
 from drake_polygrasp.errors import UsageError
 
@@ -179,8 +179,8 @@ def _table(model: str, hand: str, plan: HandPlan, output: Path) -> str:
     squeezes = [("squeeze",), ("[N]",), *((f"{force:.1f}",) for force in forces)]
     return "\n".join(
         [
-            f"{model}: {_many(len(plan.grasps), 'grasp')} that '{hand}' can make, {plan.tried} of "
-            f"{plan.candidates} candidates tried{_counts(plan)}",
+            f"{model}: {counted(len(plan.grasps), 'grasp')} that '{hand}' can make, "
+            f"{plan.tried} of {plan.candidates} candidates tried{_counts(plan)}",
             *align_columns(
                 [
                     (*row, *squeeze, *misses)
@@ -194,10 +194,6 @@ def _table(model: str, hand: str, plan: HandPlan, output: Path) -> str:
             f"wrote {output}",
         ]
     )
-
-
-def _many(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _row(rank: int, grasp: HandGrasp) -> tuple[str, ...]:

@@ -56,7 +56,7 @@ def _plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
 
 
 _THEN = "epsilon and squeeze are of exact contacts, then: of the worst of all these errors"
-_RANKED = ", by whose epsilon grasps are ranked"
+_RANKED = "; grasps that bear as much are ranked by that epsilon"
 
 
 def error_columns(

@@ -34,6 +34,16 @@ def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
+def counted(number: int, noun: str) -> str:
+    """Returns a number with its noun, in the plural where it is not one.
+
+    Args:
+        number: how many.
+        noun: what, in the singular; its plural ends in s.
+    """
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
 def lacking_friction(object_: GraspObject, mu_needed: float | None) -> float | None:
     """Returns `mu_needed` if no face of the object has as much friction, else None.
 

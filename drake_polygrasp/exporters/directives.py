@@ -74,9 +74,7 @@ def _grasp_frames(body: str, name: str, grasp: Grasp, radius: float) -> Iterator
     poses = zip(contact_poses(grasp), tip_poses(grasp, radius), strict=True)
     for i, (X_BC, X_BT) in enumerate(poses, start=1):
         for kind, X_BF in (("contact", X_BC), ("tip", X_BT)):
-            X_PF = Transform(X_BF)
-            X_PF.base_frame = body
-            yield AddFrame(name=f"{name}_{kind}_{i}", X_PF=X_PF)
+            yield _frame(body, f"{name}_{kind}_{i}", X_BF)
 
 
 def _palm_frames(body: str, name: str, hand: HandPlacement | None) -> Iterator[AddFrame]:
@@ -86,9 +84,13 @@ def _palm_frames(body: str, name: str, hand: HandPlacement | None) -> Iterator[A
     back = RigidTransform(np.asarray(before.distance * before.direction_B))
     poses = {"palm": hand.X_BPalm, "pregrasp_palm": back @ hand.X_BPalm}
     for kind, X_BPalm in poses.items():
-        X_PF = Transform(X_BPalm)
-        X_PF.base_frame = body
-        yield AddFrame(name=f"{name}_{kind}", X_PF=X_PF)
+        yield _frame(body, f"{name}_{kind}", X_BPalm)
+
+
+def _frame(body: str, name: str, X_BF: RigidTransform) -> AddFrame:
+    X_PF = Transform(X_BF)
+    X_PF.base_frame = body
+    return AddFrame(name=name, X_PF=X_PF)
 
 
 def _joint_comments(file: GraspFile) -> Iterator[str]:

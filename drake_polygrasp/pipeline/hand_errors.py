@@ -22,7 +22,12 @@ from drake_polygrasp.hands.hand_search import (
 )
 from drake_polygrasp.hands.scene import HandScene
 from drake_polygrasp.hands.squeeze import squeeze_remark
-from drake_polygrasp.pipeline.region_certificates import Errors, bound_errors, prove_errors
+from drake_polygrasp.pipeline.region_certificates import (
+    Errors,
+    bound_errors,
+    different_levels,
+    prove_errors,
+)
 
 
 def hand_grasp_under_errors(
@@ -48,13 +53,8 @@ def hand_grasp_under_errors(
         `region` asks for, where the hand's efforts allow that.
     """
     grasp = certified.grasp
-    tried: set[tuple[float, ...]] = set()
-    for level, asked in enumerate(errors):
-        # On wide faces errors of narrow ones are the same.
-        if (of_grasp := asked.on(np.array(grasp.faces))) in tried:
-            continue
-        tried.add(of_grasp)
-        if (proved := prove_errors(object_, grasp, asked)) is not None:
+    for level in different_levels(errors, np.array(grasp.faces)):
+        if (proved := prove_errors(object_, grasp, errors[level])) is not None:
             (region,) = bound_errors(object_, [(grasp, proved)])
             certified = replace(certified, region=region)
             load = hand_load(scene, certified, hold)

@@ -24,7 +24,6 @@ from drake_polygrasp.arguments import (
 )
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.hand_grasp import HandGrasp
 from drake_polygrasp.hands.hand import Hand
 from drake_polygrasp.hands.hand_search import HandSearch, HeldGrasp
 from drake_polygrasp.hands.library import hand_reach
@@ -40,7 +39,7 @@ from drake_polygrasp.pipeline.hand_candidates import (
 from drake_polygrasp.pipeline.hand_errors import hand_grasp_under_errors, weak_squeezes
 from drake_polygrasp.pipeline.hand_options import hold_options, obstacles_around, with_fingers
 from drake_polygrasp.pipeline.hand_plan import HandPlan, count_refusals, no_candidates, unchecked
-from drake_polygrasp.pipeline.region_certificates import prove_errors
+from drake_polygrasp.pipeline.region_certificates import least_epsilon, prove_errors
 from drake_polygrasp.search.reach import Reach, tip_distances
 from drake_polygrasp.settings import PlanOptions
 
@@ -195,7 +194,7 @@ def plan_hand_grasps(
         for k, held in made[:top]
     ]
     if rank == "epsilon":
-        graded.sort(key=lambda pair: (pair[0], -_least_epsilon(pair[1])))
+        graded.sort(key=lambda pair: (pair[0], -least_epsilon(pair[1].certified)))
     grasps = tuple(grasp for _, grasp in graded)
     seconds = {
         "load": loaded - start,
@@ -249,14 +248,6 @@ def _make_grasps(
 def _span(reach: Reach, hand: Hand) -> Array:
     """Returns the least and greatest distance of two tips that grasp [m], shape (2,)."""
     return tip_distances(reach, hand.fingers) if len(reach.q) else np.zeros(2)
-
-
-def _least_epsilon(grasp: HandGrasp) -> float:
-    """Returns the lower bound of epsilon under the errors that a grasp bears."""
-    region = grasp.certified.region
-    if region is None:
-        return grasp.certified.certificate.epsilon_lower
-    return region.epsilon_lower or 0.0
 
 
 def _share(held: HeldGrasp) -> tuple[bool, float]:

@@ -22,6 +22,8 @@ from drake_polygrasp.pipeline.region_certificates import (
     Errors,
     ProvedErrors,
     bound_errors,
+    different_levels,
+    least_epsilon,
     prove_errors,
 )
 from drake_polygrasp.settings import Rank
@@ -115,7 +117,7 @@ def _bearing_errors(
         found.sort(key=lambda each: each.level)  # stable
     graded = list(zip(found, _certified_bearings(found[:compared]), strict=False))
     if by_epsilon:
-        graded.sort(key=lambda pair: (pair[0].level, -_least_epsilon(pair[1])))
+        graded.sort(key=lambda pair: (pair[0].level, -least_epsilon(pair[1])))
     else:
         graded.sort(key=lambda pair: pair[0].ranked)
     return tuple(certified for _, certified in graded[:top])
@@ -207,23 +209,12 @@ def _bearing(
         levels: indices of the errors that are tried; the greater ones were tried before.
     """
     work, face = judge.work, judge.work.face[entries[0].row]
-    tried = {asked.on(face) for asked in errors[: levels.start]}
-    for level in levels:
-        # On wide faces errors of narrow ones are the same.
-        if (of_grasp := errors[level].on(face)) in tried:
-            continue
-        tried.add(of_grasp)
+    for level in (k for k in different_levels(errors, face) if k in levels):
         for entry in entries:
             proved = prove_errors(work.request.object_, _grasp(work, entry.row), errors[level])
             if proved is not None:
                 return _Bearing(judge, entry, level, proved)
     return _Bearing(judge, entries[0], len(errors), None)
-
-
-def _least_epsilon(grasp: CertifiedGrasp) -> float:
-    """Returns the lower bound of epsilon under the errors that a grasp bears."""
-    region = grasp.region
-    return grasp.certificate.epsilon_lower if region is None else region.epsilon_lower or 0.0
 
 
 def _ranked_candidates(judge: Judge, rank: Rank) -> list[_Ranked]:

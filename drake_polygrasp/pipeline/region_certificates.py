@@ -16,7 +16,14 @@ from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.placement_regions import placement_region
 from drake_polygrasp.geometry.surface_pieces import SurfacePiece
-from drake_polygrasp.grasp import AnyGrasp, Grasp, GraspObject, RegionCertificate, grasp_of
+from drake_polygrasp.grasp import (
+    AnyGrasp,
+    CertifiedGrasp,
+    Grasp,
+    GraspObject,
+    RegionCertificate,
+    grasp_of,
+)
 from drake_polygrasp.settings import ERROR_NAMES, check_errors
 
 
@@ -59,6 +66,27 @@ class Errors:
             self.friction * friction,
             self.com * com,
         )
+
+
+def different_levels(errors: Sequence[Errors], face: Ints) -> list[int]:
+    """Returns the indices of errors that differ on faces from all before them.
+
+    Args:
+        errors: what a grasp may be tried for; on wide faces errors of narrow ones are the same.
+        face: indices of the faces of its contacts, shape (3,).
+    """
+    on_faces = [asked.on(face) for asked in errors]
+    return [level for level, each in enumerate(on_faces) if each not in on_faces[:level]]
+
+
+def least_epsilon(grasp: CertifiedGrasp) -> float:
+    """Returns the lower bound of epsilon under the errors that a grasp bears.
+
+    Args:
+        grasp: the grasp; without a `region`, for exact contacts.
+    """
+    region = grasp.region
+    return grasp.certificate.epsilon_lower if region is None else region.epsilon_lower or 0.0
 
 
 def certify_region(

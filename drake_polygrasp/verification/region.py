@@ -10,12 +10,9 @@ from pydrake.geometry.optimization import VPolytope
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
-from drake_polygrasp.certification.region_epsilon import (
-    RegionEpsilon,
-    region_epsilons,
-)
+from drake_polygrasp.certification.region_epsilon import RegionEpsilon, region_epsilons
 from drake_polygrasp.certification.region_pieces import check_pieces
-from drake_polygrasp.certification.region_task import task_of
+from drake_polygrasp.certification.region_task import BOUNDS_GAP, task_of
 from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
 from drake_polygrasp.geometry.placement_regions import placement_region
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -26,7 +23,7 @@ from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.vectors import cross, dot, times
 
-_GAPS = (0.02, 0.01)
+_GAPS = (BOUNDS_GAP, 0.01)
 """Our choice: relative gaps of the bounds that are recomputed; where the usual ones do not bear a
 number out, closer ones may."""
 _ROUNDING = 1e-6
