@@ -13,9 +13,10 @@ import numpy.typing as npt
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, batches, frozen
+from drake_polygrasp.errors import ModelError
 from drake_polygrasp.geometry.cavities import Cavities
 from drake_polygrasp.geometry.primitives import Primitive
-from drake_polygrasp.geometry.tolerances import FLATNESS
+from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot, times, transformed
@@ -225,6 +226,9 @@ def volume_centroid(polyhedron: Polyhedron) -> Array:
 
     Returns:
         Point in B [m], shape (3,).
+
+    Raises:
+        ModelError: when the surface encloses no volume, as that of a sheet.
     """
     planar = [k for k, face in enumerate(polyhedron.faces) if face.primitive or not face.reach]
     faces = [polyhedron.faces[k] for k in planar]
@@ -244,6 +248,8 @@ def volume_centroid(polyhedron: Polyhedron) -> Array:
     about = polyhedron.triangles_B.reshape(-1, 3).mean(axis=0)
     flux = np.einsum("ni,ni->n", centroid - about, nhat)
     flux *= np.append(shapely.area(polygons), area)
+    if abs(flux.sum()) <= LENGTH_TOLERANCE * np.abs(flux).sum():
+        raise ModelError("its surface encloses no volume; state its mass, or give it a thickness")
     return np.asarray(about + 3 / 4 * times((centroid - about).T, flux) / flux.sum())
 
 

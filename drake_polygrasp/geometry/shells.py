@@ -13,10 +13,15 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import distinct, unit_normals
+from drake_polygrasp.geometry.two_sided import links_in_front
 
 _JUST_OUTSIDE = 1e-4
 """Times the square root of a triangle's area, our choice: height over the triangle of the point
 that is tested for being inside another shell."""
+
+_NO_VOLUME = 1e-6
+"""Times the sum of the volumes of tetrahedra from a shell's middle to its triangles, our choice: a
+shell whose signed volumes add up to less encloses nothing."""
 
 
 class Shells(NamedTuple):
@@ -28,6 +33,8 @@ class Shells(NamedTuple):
         closed: whether each shell is watertight, shape (S,).
         simple: whether each shell has at most two triangles at every edge, shape (S,).
         turned: whether each triangle was given with the opposite orientation, shape (T,).
+        spare: whether each triangle is of the inner side of a solid whose faces are all stated both
+            ways round, shape (T,).
     """
 
     corners: Ints
@@ -35,6 +42,7 @@ class Shells(NamedTuple):
     closed: Bools
     simple: Bools
     turned: Bools
+    spare: Bools
 
 
 def weld(triangles: Array, tolerance: float) -> tuple[Array, Ints]:
@@ -117,7 +125,8 @@ def oriented_shells(vertices: Array, corners: Ints) -> Shells:
     Two triangles that share an edge with no third belong to one shell and are oriented
     consistently: they run along the edge in opposite senses. Shells that this leaves open may be
     joined at edges of more than two triangles, where solids touch or overlap; there triangles keep
-    the orientation that the file gives them.
+    the orientation that the file gives them. A solid whose faces are all stated both ways round is
+    two coincident shells.
 
     Args:
         vertices: [m], shape (V, 3).
@@ -136,6 +145,7 @@ def oriented_shells(vertices: Array, corners: Ints) -> Shells:
     flips = np.append(flips, np.zeros(len(third), dtype=bool))
     shell, reverse = _shells(len(corners), first, second, flips)
     corners = _reversed(corners, reverse)
+    shell, apart = _sides_apart(vertices, corners, shell)
     inward = np.bincount(shell, weights=_signed_volumes(vertices, corners, shell)) < 0
     return Shells(
         corners=_reversed(corners, inward[shell]),
@@ -143,34 +153,67 @@ def oriented_shells(vertices: Array, corners: Ints) -> Shells:
         closed=~_open_shells(corners, shell),
         simple=np.bincount(shell, weights=np.isin(np.arange(len(shell)), third // 3)) == 0,
         turned=reverse ^ inward[shell],
+        spare=apart & inward[shell],
     )
 
 
-def faces_inward(triangles: Array, tolerance: float) -> Bools:
-    """Returns which triangles of a mesh face into the solid that they bound.
+def _sides_apart(vertices: Array, corners: Ints, shell: Ints) -> tuple[Ints, Bools]:
+    """Returns the shells, and which triangles are of those that are taken apart here.
+
+    A shell whose faces are all stated both ways round becomes two, one for each side. Both are
+    closed, and coincide. A sheet that is stated both ways round has a rim, which joins its two
+    sides: it encloses no volume and stays one shell.
+    """
+    volume = _signed_volumes(vertices, corners, shell)
+    total = np.bincount(shell, np.abs(volume))
+    hollow = np.abs(np.bincount(shell, volume)) <= _NO_VOLUME * total
+    rows = np.flatnonzero((hollow & ~_open_shells(corners, shell))[shell])
+    is_apart = np.zeros(len(shell), dtype=bool)
+    if not len(rows):
+        return shell, is_apart
+    edge, forward = _half_edges(corners[rows])
+    first, second = links_in_front(vertices, corners[rows], edge, forward)
+    as_they_are = np.zeros(len(first), dtype=bool)
+    side, _ = _shells(len(rows), first // 3, second // 3, as_they_are)
+    volume = _signed_volumes(vertices, corners[rows], side)
+    solid = np.abs(np.bincount(side, volume)) > _NO_VOLUME * np.bincount(side, np.abs(volume))
+    solid &= ~_open_shells(corners[rows], side)
+    left = np.bincount(shell[rows], ~solid[side], minlength=len(total))
+    split = left[shell[rows]] == 0
+    apart = shell.copy()
+    apart[rows[split]] = len(total) + side[split]
+    is_apart[rows[split]] = True
+    _, first_row, apart = np.unique(apart, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first_row))[apart], is_apart
+
+
+def faces_inward(triangles: Array, tolerance: float) -> tuple[Bools, Bools]:
+    """Returns which triangles of a mesh face into the solid that they bound, and which are spare.
 
     A shell inside another one is the wall of a cavity and rightly faces inward. Sheets that
-    enclose no volume have no inside.
+    enclose no volume have no inside. Of a solid whose faces are all stated both ways round, the
+    triangles of the inner side are spare.
 
     Args:
         triangles: [m], shape (T, 3, 3).
         tolerance: coordinates that differ by less are equal [m].
 
     Returns:
-        Shape (T,).
+        Both of shape (T,).
     """
     vertices, corners = weld(triangles, tolerance)
     rows = np.flatnonzero((corners != np.roll(corners, 1, axis=1)).all(axis=1))
     shells = oriented_shells(vertices, corners[rows])
-    inward = np.zeros(len(triangles), dtype=bool)
+    inward, spare = np.zeros((2, len(triangles)), dtype=bool)
+    spare[rows] = shells.spare
     if not shells.turned.any():
-        return inward
+        return inward, spare
     turned = shells.turned
     volume = np.bincount(shells.shell, _signed_volumes(vertices, shells.corners, shells.shell))
     area = np.bincount(shells.shell, unit_normals(vertices[shells.corners])[1])
     turned = turned & (volume > tolerance * area)[shells.shell]
     inward[rows] = turned & ~_within_another(vertices[shells.corners], shells)[shells.shell]
-    return inward
+    return inward & ~spare, spare
 
 
 def _within_another(triangles: Array, shells: Shells) -> Bools:

@@ -246,6 +246,14 @@ def _is_flat(polyhedron: Polyhedron) -> bool:
     return bool(np.ptp(about @ axes[:, 0]) <= FLATNESS * polyhedron.diameter)
 
 
+def _volume_centroid(polyhedron: Polyhedron, where: str) -> Array:
+    """Returns the centre of a body's volume, and refuses a body without any."""
+    try:
+        return volume_centroid(polyhedron)
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}") from error
+
+
 def object_of(
     parts: Sequence[Part],
     covers: Sequence[Part],
@@ -275,7 +283,8 @@ def object_of(
         The object, with these warnings and those of its geometry.
 
     Raises:
-        ModelError: when the geometry has no surface to grasp, or the centre of mass is not finite.
+        ModelError: when the geometry has no surface to grasp, or the centre of mass is not finite,
+            or it is not stated and the surface encloses no volume.
     """
     polyhedron = _surface([*parts, *covers], where, patch_angle, patch_depth)
     messages = [*warnings, *(warning for part in (*parts, *covers) for warning in part.warnings)]
@@ -285,7 +294,7 @@ def object_of(
     if stated is None:
         messages.append(f"{where} states no mass; its centre is taken to be that of the volume")
         whole = _surface(parts, where, patch_angle, patch_depth) if covers else polyhedron
-    mass, p_BBcm = stated or (None, volume_centroid(whole))
+    mass, p_BBcm = stated or (None, _volume_centroid(whole, where))
     p_BBcm = on_grid(p_BBcm, polyhedron.diameter)
     with np.errstate(all="ignore"):
         rho = farthest_distance(polyhedron, p_BBcm)

@@ -2,9 +2,9 @@
 
 Drake takes mesh files literally: it divides concave faces of more than three corners into triangles
 some of which lie outside the face, takes the winding of triangles for inside and outside even where
-it is inverted, and cannot measure distances to a mesh with a vertex that no triangle uses. Such
-meshes are repaired here to what the file means. A warning then says so, because the user's own
-plant has Drake's surface.
+it is inverted or faces are stated both ways round, and cannot measure distances to a mesh with a
+vertex that no triangle uses. Such meshes are repaired here to what the file means. A warning then
+says so, because the user's own plant has Drake's surface.
 """
 
 from __future__ import annotations
@@ -172,21 +172,26 @@ def _with_whole_faces(
 
 
 def _outward(name: str, vertices: Array, triangles: Ints, warnings: list[str]) -> Ints:
-    """Returns the triangles, with those that face inward reversed."""
+    """Returns the triangles, those that face inward reversed and those that are spare left out."""
     tolerance = LENGTH_TOLERANCE * float(np.ptp(vertices[triangles], axis=(0, 1)).max(initial=0))
-    inward = faces_inward(vertices[triangles], tolerance)
-    if not inward.any():
-        return triangles
-    which = (
-        "its triangles face inward"
-        if inward.all()
-        else f"{inward.sum()} of its {len(inward)} triangles face inward"
-    )
-    warnings.append(
-        f"{name}: {which}; grasps are planned with them turned outward, but in your own plant "
-        "inside and outside are swapped there: reverse the faces in the file"
-    )
-    return np.where(inward[:, None], triangles[:, ::-1], triangles)
+    inward, spare = faces_inward(vertices[triangles], tolerance)
+    if spare.any():
+        warnings.append(
+            f"{name}: {2 * spare.sum()} of its {len(spare)} triangles are a solid's faces, stated "
+            "both ways round; grasps are planned on the solid, but in your own plant nothing is "
+            "inside: export one-sided faces"
+        )
+    if inward.any():
+        which = (
+            "its triangles face inward"
+            if inward.all()
+            else f"{inward.sum()} of its {len(inward)} triangles face inward"
+        )
+        warnings.append(
+            f"{name}: {which}; grasps are planned with them turned outward, but in your own plant "
+            "inside and outside are swapped there: reverse the faces in the file"
+        )
+    return np.where(inward[:, None], triangles[:, ::-1], triangles)[~spare]
 
 
 def _in_memory(vertices: Array, triangles: Ints) -> Mesh:

@@ -223,6 +223,33 @@ def test_plants_have_faces_that_run_the_wrong_way_turned(
     assert set(verdicts[0].values()) == {"holds"}
 
 
+@pytest.mark.parametrize("shift", [0, 1], ids=["same diagonals", "other diagonals"])
+def test_a_solid_of_two_sided_faces_is_the_solid(shift: int, tmp_path: Path) -> None:
+    """Some programs export each face twice, once each way round, perhaps cut along the other
+    diagonal. Signed volumes then add up to 0."""
+    vertices, faces = CUBE
+    turned = [face[::-1][shift:] + face[::-1][:shift] for face in faces]
+    object_ = load_object(write(tmp_path / "cube.obj", vertices, [*faces, *turned]))
+    assert exposed_area(object_) == pytest.approx(6 * 0.06**2)
+    assert object_.polyhedron.watertight
+    assert object_.p_BBcm == pytest.approx([0.0, 0.0, 0.03])
+    assert any("24 of its 24 triangles" in warning for warning in object_.warnings)
+    assert not any("inward" in warning for warning in object_.warnings)
+    # Three pairs of opposite sides, as of any cube: (2, 1) or (1, 2) contacts on each.
+    found = {tuple(sorted(set(p.grasp.faces))) for p in exact_plan(object_, top=40).grasps}
+    assert {(0, 5), (1, 4), (2, 3)} <= found
+    assert object_.source is not None
+    assert load_solid(object_.source).M_BBo_B.get_mass() == pytest.approx(1000 * 0.06**3)
+
+
+def test_a_two_sided_sheet_has_no_centre_of_volume(tmp_path: Path) -> None:
+    vertices, faces = CUBE
+    open_box = list(faces[1:])
+    path = write(tmp_path / "bin.obj", vertices, [*open_box, *(f[::-1] for f in open_box)])
+    with pytest.raises(ModelError, match="encloses no volume; state its mass"):
+        load_object(path)
+
+
 def test_a_mesh_that_is_inside_out_has_mass_and_centre_all_the_same(tmp_path: Path) -> None:
     vertices, faces = CUBE
     path = write(
