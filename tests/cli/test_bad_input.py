@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import shutil
 import sys
 import time
 from argparse import Namespace
+from collections import deque
 from collections.abc import Callable
+from contextlib import redirect_stderr
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drake_polygrasp.cli.calls import child_limits
-from drake_polygrasp.cli.child_process import ChildLimits, call_in_child
+from drake_polygrasp.cli.child_process import (
+    ChildLimits,
+    _CallResult,
+    _Conversation,
+    _ProgressReport,
+    call_in_child,
+)
+from drake_polygrasp.cli.progress_line import ProgressLine
 from drake_polygrasp.cli.reporting import print_warnings
 from drake_polygrasp.errors import ModelError
 from drake_polygrasp.loading.mesh_file import MAX_TRIANGLES
@@ -207,7 +218,7 @@ def test_exit_code_2_and_one_message_that_names_the_fault(case: str, tmp_path: P
     write(tmp_path, name, text)
     if "scale" in case or "automatic" in case:
         write(tmp_path, "mesh.obj", CUBE_OBJ)
-    ending = run(f"plan {name} -o out.yaml", tmp_path, 60)
+    ending = run(f"plan {name} -o out.yaml", tmp_path)
     *warnings, message = ending.said.splitlines()
     assert (ending.code, ending.fault) == (2, ""), ending.said
     assert message.startswith("polygrasp: ")
@@ -254,11 +265,11 @@ def test_a_sensible_user_gets_a_grasp_and_a_warning(case: str, tmp_path: Path) -
     name, text, warning = ACCEPTED[case]
     write(tmp_path, name, text)
     write(tmp_path, "mesh.obj", CUBE_OBJ)
-    ending = run(f"plan {name} --method paper --top 1 -o out.yaml", tmp_path, 60)
+    ending = run(f"plan {name} --method paper --top 1 -o out.yaml", tmp_path)
     assert (ending.code, ending.fault) == (0, ""), ending.said
     assert warning in ending.said
     assert (tmp_path / "out.yaml").is_file()
-    assert run("verify out.yaml", tmp_path, 60).code == 0
+    assert run("verify out.yaml", tmp_path).code == 0
 
 
 def test_spaces_and_letters_of_any_script_are_a_name(tmp_path: Path) -> None:
@@ -266,12 +277,12 @@ def test_spaces_and_letters_of_any_script_are_a_name(tmp_path: Path) -> None:
     folder.mkdir()
     write(folder, "mått.obj", CUBE_OBJ)
     write(tmp_path, "x.sdf", sdf(f"<mesh><uri>{folder.name}/mått.obj</uri></mesh>"))
-    assert run("plan x.sdf --method paper --top 1", tmp_path, 60).code == 0
+    assert run("plan x.sdf --method paper --top 1", tmp_path).code == 0
     shutil.move(tmp_path / "x.sdf", folder / "ж.sdf")
     write(folder, "ж.sdf", sdf("<mesh><uri>mått.obj</uri></mesh>"))
-    ending = run("plan ж.sdf --method paper --top 1", folder, 60)
+    ending = run("plan ж.sdf --method paper --top 1", folder)
     assert (ending.code, ending.litter) == (0, ["ж.grasp.yaml"])
-    assert run("verify ж.grasp.yaml", folder, 60).code == 0
+    assert run("verify ж.grasp.yaml", folder).code == 0
 
 
 @pytest.mark.parametrize("command", ["plan", "explain", "verify", "show --html page.html"])
@@ -283,7 +294,7 @@ def test_what_is_no_readable_file_is_refused(command: str, name: str, tmp_path: 
     (tmp_path / "secret.sdf").chmod(0)
     if name == "secret.sdf" and os.access(tmp_path / name, os.R_OK):
         pytest.skip("this user may read every file")
-    ending = run(f"{command} {name}", tmp_path, 60)
+    ending = run(f"{command} {name}", tmp_path)
     assert (ending.code, ending.fault) == (2, ""), ending.said
     assert ending.said.count("\n") == 1
     assert name[:12] in ending.said  # Names beyond any system's measure are shortened.
@@ -292,7 +303,7 @@ def test_what_is_no_readable_file_is_refused(command: str, name: str, tmp_path: 
 def test_two_million_triangles_are_refused_in_a_moment(tmp_path: Path) -> None:
     with (tmp_path / "x.obj").open("w") as file:
         file.write("\n".join([*VERTICES, *(500_000 * ["f 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4"])]))
-    ending = run("plan x.obj", tmp_path, 60)
+    ending = run("plan x.obj", tmp_path)
     assert (ending.code, ending.fault) == (2, "")
     assert f"2000000 elements are more than {MAX_TRIANGLES}; simplify it" in ending.said
 
@@ -301,26 +312,27 @@ def test_a_file_beyond_measure_is_not_read(tmp_path: Path) -> None:
     for name in ("x.sdf", "x.obj", "x.dmd.yaml", "x.grasp.yaml"):
         with (tmp_path / name).open("wb") as file:
             file.truncate(1 << 40)
-        ending = run(f"{'verify' if 'grasp' in name else 'plan'} {name}", tmp_path, 60)
+        ending = run(f"{'verify' if 'grasp' in name else 'plan'} {name}", tmp_path)
         assert (ending.code, ending.fault) == (2, "")
         assert "is larger than" in ending.said
 
 
-@pytest.mark.parametrize("function", ["sleep", "spin", "swell", "crash", "swell_in_numpy"])
-def test_time_memory_and_crashes_are_contained(function: str) -> None:
-    with pytest.raises(ModelError, match=EXPECTED[function]):
-        call_in_child(
-            f"tests.cli.test_bad_input:{function}", 60, limits=ChildLimits("trying x.sdf", 2.0)
-        )
-
-
+SECONDS = {"sleep": 0.5, "spin": 0.5, "swell": 300.0, "swell_in_numpy": 300.0, "crash": 300.0}
+"""Time limits: little for what never ends, and none that matters for what ends by itself."""
 EXPECTED = {
-    "sleep": r"trying x\.sdf: stopped after 2 s; repair",
-    "spin": r"trying x\.sdf: stopped after 2 s",
+    "sleep": r"trying x\.sdf: stopped after 0\.5 s; repair",
+    "spin": r"trying x\.sdf: stopped after 0\.5 s",
     "swell": r"trying x\.sdf: runs out of memory \(4 GB at most\)",
     "swell_in_numpy": r"trying x\.sdf: runs out of memory \(4 GB at most\)",
     "crash": r"trying x\.sdf: Drake crashed \(SIGKILL\): last words; repair",
 }
+
+
+@pytest.mark.parametrize("function", SECONDS)
+def test_time_memory_and_crashes_are_contained(function: str) -> None:
+    limits = ChildLimits("trying x.sdf", SECONDS[function])
+    with pytest.raises(ModelError, match=EXPECTED[function]):
+        call_in_child(f"tests.cli.test_bad_input:{function}", 1000.0, limits=limits)
 
 
 def sleep(seconds: float) -> None:
@@ -345,22 +357,23 @@ def crash(_: float) -> None:
     os.kill(os.getpid(), 9)
 
 
-@pytest.mark.parametrize("function", ["sleep", "spin", "swell", "crash", "swell_in_numpy"])
+@pytest.mark.parametrize("function", SECONDS)
 def test_each_stage_of_a_child_has_its_own_name_and_time(
     function: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    whole = ChildLimits("polygrasp plan", 20.0)
+    whole = ChildLimits("polygrasp plan", 300.0)
     with pytest.raises(ModelError, match=EXPECTED[function]):
         call_in_child("tests.cli.test_bad_input:two_stages", function, limits=whole)
     assert capsys.readouterr().err == "warning: read\n"
 
 
 def two_stages(function: str) -> None:
-    """The first stage takes longer than the second may, and is no part of what fails."""
-    first, second = ChildLimits("reading y.sdf", 10.0), ChildLimits("trying x.sdf", 2.0)
-    assert call_in_child("tests.cli.test_bad_input:sleep", 2.5, limits=first)[1] > 2.4
+    """The first stage takes longer than a short second may, and is no part of what fails."""
+    first, second = ChildLimits("reading y.sdf", 300.0), ChildLimits("trying x.sdf")
+    assert call_in_child("tests.cli.test_bad_input:sleep", 0.7, limits=first)[1] > 0.6
     print_warnings(["read"])
-    call_in_child(f"tests.cli.test_bad_input:{function}", 60, limits=second)
+    second = replace(second, seconds=SECONDS[function])
+    call_in_child(f"tests.cli.test_bad_input:{function}", 1000.0, limits=second)
 
 
 def test_a_stage_returns_its_value_in_the_same_child(capsys: pytest.CaptureFixture[str]) -> None:
@@ -374,52 +387,97 @@ def processes(_: str) -> tuple[int, int, int]:
     return os.getppid(), os.getpid(), call_in_child("os:getpid", limits=ChildLimits("asking"))[0]
 
 
-PROGRESS = r"(\rsleeping \.\.\. \d+ s\x1b\[K)+\r\x1b\[K"
+WAITING = r"(\rwaiting \.\.\. \d+ s\x1b\[K)+\r\x1b\[K"
 """The line, as often as a busy machine makes it, and its end."""
 
 
-def test_progress_is_shown_on_terminals_only(
+class Terminal(io.StringIO):
+    """Standard error as a terminal; there is a file as soon as something is shown on it."""
+
+    def __init__(self, shown: Path) -> None:
+        super().__init__()
+        self.shown = shown
+
+    def isatty(self) -> bool:
+        return True
+
+    def write(self, text: str) -> int:
+        self.shown.touch()
+        return super().write(text)
+
+
+@pytest.fixture
+def terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Terminal:
+    """A terminal, on which progress is shown as soon as the parent waits for anything."""
+    monkeypatch.setattr("drake_polygrasp.cli.progress_line._DELAY_SECONDS", 0.0)
+    return Terminal(tmp_path / "shown")
+
+
+def test_progress_is_shown_on_a_terminal(terminal: Terminal) -> None:
+    wait = "tests.cli.test_bad_input:wait_for"
+    with redirect_stderr(terminal):
+        call_in_child(wait, str(terminal.shown), limits=ChildLimits("waiting", 300.0))
+    assert re.fullmatch(WAITING, terminal.getvalue())
+
+
+def test_progress_is_shown_nowhere_else(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call_in_child("tests.cli.test_bad_input:sleep", 1.2, limits=ChildLimits("sleeping"))
-    assert capsys.readouterr().err == ""
-    isatty: Callable[[], bool] = lambda: True  # noqa: E731
-    monkeypatch.setattr(sys.stderr, "isatty", isatty)
-    call_in_child("tests.cli.test_bad_input:sleep", 1.2, limits=ChildLimits("sleeping"))
-    assert re.fullmatch(PROGRESS, capsys.readouterr().err)
-    monkeypatch.setattr("drake_polygrasp.cli.progress_line._DELAY_SECONDS", 1000.0)
-    call_in_child("tests.cli.test_bad_input:sleep", 1.2, limits=ChildLimits("sleeping"))
+    monkeypatch.setattr("drake_polygrasp.cli.progress_line._DELAY_SECONDS", 0.0)
+    # It is longer than the parent waits before it shows progress.
+    call_in_child("tests.cli.test_bad_input:sleep", 0.7, limits=ChildLimits("waiting"))
     assert capsys.readouterr().err == ""
 
 
-def test_a_warning_is_printed_in_place_of_the_progress_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def wait_for(file: str) -> None:
+    while not Path(file).exists():
+        time.sleep(0.01)
+
+
+def test_progress_is_shown_after_a_second_and_twice_in_each(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    isatty: Callable[[], bool] = lambda: True  # noqa: E731
-    monkeypatch.setattr(sys.stderr, "isatty", isatty)
-    call_in_child("tests.cli.test_bad_input:warn_late", 1.2, limits=ChildLimits("sleeping"))
-    assert re.fullmatch(PROGRESS + "warning: late\n", capsys.readouterr().err)
+    now, terminal, shown = 0.0, Terminal(tmp_path / "shown"), []
+    monkeypatch.setattr("drake_polygrasp.cli.progress_line.perf_counter", lambda: now)
+    with redirect_stderr(terminal):
+        line = ProgressLine("waiting")
+        for now in (0.0, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0):  # noqa: B007 - the line reads it
+            line.refresh()
+            shown.append(terminal.getvalue().count("waiting"))
+    assert shown == [0, 0, 1, 1, 2, 2, 3]
 
 
-def warn_late(seconds: float) -> None:
-    time.sleep(seconds)
+def test_a_warning_is_printed_in_place_of_the_progress_line(terminal: Terminal) -> None:
+    warn = "tests.cli.test_bad_input:warn_late"
+    with redirect_stderr(terminal):
+        call_in_child(warn, str(terminal.shown), limits=ChildLimits("waiting", 300.0))
+    # A child that takes its time to end has the line again.
+    assert re.fullmatch(f"{WAITING}warning: late\n({WAITING})?", terminal.getvalue())
+
+
+def warn_late(file: str) -> None:
+    wait_for(file)
     print_warnings(["late"])
 
 
-def test_progress_that_is_counted_comes_from_the_child(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    isatty: Callable[[], bool] = lambda: True  # noqa: E731
-    monkeypatch.setattr(sys.stderr, "isatty", isatty)
+def test_progress_that_is_counted_comes_from_the_child(terminal: Terminal) -> None:
     counting = ChildLimits("counting", unit="sheep")
-    value, _ = call_in_child("tests.cli.test_bad_input:count_sheep", 12, limits=counting)
+    with redirect_stderr(terminal):
+        value, _ = call_in_child("tests.cli.test_bad_input:count_sheep", 12, limits=counting)
     assert value == 12
-    said = capsys.readouterr().err
-    assert re.match(r"\rcounting \.\.\. \d+ of 12 sheep, \d s\x1b\[K", said), said
+    said = terminal.getvalue()
+    assert re.search(r"\rcounting \.\.\. \d+ of 12 sheep, \d+ s\x1b\[K", said), said
     assert said.endswith("\r\x1b[K")
     quiet = ChildLimits("counting", unit="sheep", quiet=True)
-    call_in_child("tests.cli.test_bad_input:count_sheep", 12, limits=quiet)
-    assert capsys.readouterr().err == ""
+    with redirect_stderr(terminal):
+        call_in_child("tests.cli.test_bad_input:count_sheep", 12, limits=quiet)
+    assert terminal.getvalue() == said
+
+
+def count_sheep(number: int, progress: Callable[[int, int], None]) -> int:
+    for k in range(number):
+        progress(k, number)
+    return number
 
 
 def test_who_reads_json_through_a_pipe_is_told_no_progress(
@@ -432,20 +490,35 @@ def test_who_reads_json_through_a_pipe_is_told_no_progress(
     assert not child_limits(machine, "planning").quiet
 
 
-def count_sheep(number: int, progress: Callable[[int, int], None]) -> int:
-    for k in range(number):
-        progress(k, number)
-        time.sleep(0.11)
-    return number
+class ToldAt:
+    """The parent's end of the pipe of a child that says things at given times, which pass here."""
+
+    def __init__(self, *messages: tuple[float, object]) -> None:
+        self.now, self._messages = 0.0, deque(messages)
+
+    def poll(self, seconds: float) -> bool:
+        comes = bool(self._messages) and self._messages[0][0] <= self.now + seconds
+        self.now = max(self.now, self._messages[0][0]) if comes else self.now + seconds
+        return comes
+
+    def recv(self) -> object:
+        return self._messages.popleft()[1]
 
 
-def test_a_child_that_gives_word_of_itself_is_not_stopped() -> None:
+def test_a_child_that_gives_word_of_itself_is_not_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     """The time allowed is from one word on progress to the next."""
-    patient = ChildLimits("counting", seconds=2.0, unit="sheep")
-    assert call_in_child("tests.cli.test_bad_input:count_sheep", 25, limits=patient)[0] == 25
-    hasty = ChildLimits("counting", seconds=0.05, unit="sheep")
-    with pytest.raises(ModelError, match=r"stopped after 0\.05 s"):
-        call_in_child("tests.cli.test_bad_input:count_sheep", 25, limits=hasty)
+    sheep = ChildLimits("counting", seconds=2.0, unit="sheep")
+    for step, last, is_stopped in ((1.9, 1.9, False), (0.1, 2.1, True)):
+        words = [(step * k, _ProgressReport(k, 25)) for k in range(25)]
+        pipe = ToldAt(*words, (24 * step + last, _CallResult("counted", 0.0, None)))
+        monkeypatch.setattr("drake_polygrasp.cli.progress_line.perf_counter", lambda: pipe.now)  # noqa: B023
+        conversation = _Conversation(pipe, sheep)  # type: ignore[arg-type]
+        if is_stopped:
+            with pytest.raises(ModelError, match="counting: stopped after 2 s"):
+                conversation.wait_for_result()
+            assert pipe.now == pytest.approx(24 * step + 2.0)
+        else:
+            assert conversation.wait_for_result().value == "counted"
 
 
 def test_what_cannot_be_pickled_is_still_an_error() -> None:
