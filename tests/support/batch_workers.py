@@ -21,7 +21,10 @@ def misbehave(*, what: str, value: int = 0, log: str = "") -> dict[str, Any]:
             sys.stderr.flush()
             os.abort()
         case "hang":
-            time.sleep(1000)
+            time.sleep(100_000)
+        case "wait":
+            while not Path(f"{log}.go").exists():
+                time.sleep(0.01)
         case "spin":
             while True:
                 pass
