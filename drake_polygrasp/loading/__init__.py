@@ -25,7 +25,7 @@
 | model_in_plant.py | adds a model file to the user's plant: `add_model` |
 | parsed_model.py | parses a model file with Drake, and chooses the body to grasp |
 | drake_messages.py | the warnings and errors that Drake logs, shortened for users |
-| model_checks.py | refuses impossible sizes and masses |
+| model_checks.py | refuses impossible sizes and masses, and xacro |
 | model_statements.py | which masses and friction coefficients the files state |
 | model_instances.py | finds where documents state each model instance |
 | mjcf_statements.py | the bodies, geoms and defaults of an MJCF file |

@@ -1,9 +1,10 @@
-"""Refuses sizes and masses of a model that are impossible, and that Drake silently replaces."""
+"""Refuses what Drake silently replaces or ignores: impossible sizes and masses, and xacro."""
 
 from __future__ import annotations
 
 import math
 import re
+from itertools import chain
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -32,6 +33,39 @@ _NAMED = frozenset(
 """Elements whose names are looked up in Drake's plant."""
 _FIRST_STRAY_BYTE, _LAST_STRAY_BYTE = "\udc80", "\udcff"
 """Bytes that are not UTF-8, as `xml_reader` keeps them."""
+
+_DEFINITIONS = frozenset(f"xacro:{kind}" for kind in ("property", "arg", "macro", "include"))
+"""Elements of xacro that add nothing to a model by themselves."""
+_EXPRESSIONS = ("${", "$(")
+
+
+def check_expanded(root: Element, path: Path) -> None:
+    """Checks that a URDF document is not the source of one, which xacro has still to expand.
+
+    Drake ignores elements of xacro, so that the links and shapes they stand for would be missing.
+
+    Args:
+        root: the <robot>.
+        path: the document.
+
+    Raises:
+        ModelError: for an element or a value of a link or joint that xacro would replace.
+    """
+    links = [child for child in root if child.tag in ("link", "joint")]
+    for element in chain(root, *(link.iter() for link in links)):
+        if element.tag.startswith("xacro:") and element.tag not in _DEFINITIONS:
+            raise _unexpanded(f"<{element.tag}>", path)
+    for element in chain.from_iterable(link.iter() for link in links):
+        for name, value in element.attrib.items():
+            if name not in ("name", "link") and any(start in value for start in _EXPRESSIONS):
+                raise _unexpanded(f"{name}={value!r} of <{element.tag}>", path)
+
+
+def _unexpanded(what: str, path: Path) -> ModelError:
+    return ModelError(
+        f"{path}: {what} is xacro, which Drake does not read; expand it, 'xacro {path.name} -o "
+        "NEW.urdf', and name the new file"
+    )
 
 
 def check_names(root: Element, path: Path) -> None:

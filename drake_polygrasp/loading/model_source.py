@@ -15,7 +15,7 @@ from drake_polygrasp.errors import ModelError
 from drake_polygrasp.input_file import read_bytes
 from drake_polygrasp.loading.gltf_file import gltf_buffer_files
 from drake_polygrasp.loading.mesh_file import MAX_BYTES
-from drake_polygrasp.loading.model_checks import check_link, check_names
+from drake_polygrasp.loading.model_checks import check_expanded, check_link, check_names
 from drake_polygrasp.loading.model_document import Addition, read_directives, read_xml
 from drake_polygrasp.loading.packages import find_packages, is_uri, locate, resolve
 
@@ -217,6 +217,7 @@ class _Reader:
 
     def _read_urdf(self, root: Element, path: Path, folder: Path) -> None:
         """Adds the meshes of links' own collisions; Drake reads no includes in URDF."""
+        check_expanded(root, path)
         for link in root.findall("link"):
             check_link(link, path, urdf=True)
             for mesh in link.findall("collision/geometry/mesh"):

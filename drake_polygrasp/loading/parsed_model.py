@@ -217,7 +217,7 @@ def _choose_body(
         ignored = [warning for warning in warnings if "ignor" in warning.lower()]
         raise ModelError(
             f"{model_file}: no collision geometry on {_quoted(bodies) or 'any body'}; "
-            "a grasp needs a surface to touch"
+            "a grasp needs a surface to touch, so add some (visual geometry does not count)"
             + (f"; Drake says: {drake_reason(ignored[0], model_file)}" if ignored else "")
         )
     chosen = [body for group in solid for body in group if body in bodies]
