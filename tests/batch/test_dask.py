@@ -2,96 +2,119 @@
 
 from __future__ import annotations
 
-import os
-import signal
+import json
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
-from benchmarks.chaos_moments import descendants
+from benchmarks.chaos_moments import Progress
 from tests.support.batches import QUICK_OPTIONS, files_of, prism_file
+from tests.support.held_batch import held_command, held_environment
 
 pytest.importorskip("distributed", reason="Dask is optional: pip install '.[dask]'")
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="reads the processes of /proc")
-ROOT = Path(__file__).parents[2]
+
+
+class Cluster(NamedTuple):
+    """A scheduler with a worker of two threads."""
+
+    address: str
+    scheduler: subprocess.Popen[bytes]
+    worker: subprocess.Popen[bytes]
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[tuple[str, int, int]]:
-    """The address of a scheduler with a worker of two threads, and the processes of both."""
-    file = tmp_path / "scheduler.json"
-    where = ["--scheduler-file", str(file), "--no-dashboard"]
-    started = []
-    for program in ("scheduler", "worker"):
-        command = [sys.executable, "-m", f"distributed.cli.dask_{program}", *where]
-        options = ["--port=0"] if program == "scheduler" else ["--nthreads=2", "--no-nanny"]
-        process = subprocess.Popen(
-            [*command, *options],
-            stderr=subprocess.DEVNULL,
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
-        )
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    file, started = tmp_path / "scheduler.json", []
+
+    def start(program: str, *options: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{program}", "--no-dashboard"]
+        environment = held_environment(tmp_path) | PATIENT
+        process = subprocess.Popen([*command, *options], stderr=subprocess.DEVNULL, env=environment)
         started.append(process)
-    wait_for(file.exists)
-    text = file.read_text()
-    yield text.partition('"address": "')[2].partition('"')[0], started[0].pid, started[1].pid
-    for process in started:
-        process.kill()
-        process.wait()
+        return process
+
+    try:
+        scheduler = start("scheduler", "--port=0", "--scheduler-file", str(file))
+        wait_for(lambda: written_address(file) != "", scheduler)
+        address = written_address(file)
+        worker = start("worker", address, "--nthreads=2", "--no-nanny")
+        yield Cluster(address, scheduler, worker)
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+PATIENT = {
+    "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "600s",
+    "DASK_DISTRIBUTED__COMM__TIMEOUTS__TCP": "600s",
+    "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "1 hour",
+}
+"""Dask takes no process of a busy machine for a lost one."""
+
+
+def written_address(file: Path) -> str:
+    """The scheduler's address; empty until its file is there and whole."""
+    try:
+        return str(json.loads(file.read_text())["address"])
+    except (FileNotFoundError, ValueError):
+        return ""
 
 
 def test_a_cluster_gives_the_files_of_one_process_until_it_is_lost(
-    tmp_path: Path, cluster: tuple[str, int, int]
+    tmp_path: Path, cluster: Cluster
 ) -> None:
-    address, scheduler, worker = cluster
     for sides in range(4, 18, 2):
         prism_file(tmp_path / "parts", sides)
-    command = [sys.executable, "-m", "drake_polygrasp", "batch", "parts", *QUICK_OPTIONS]
-    env = os.environ | {"PYTHONPATH": str(ROOT)}
-    deadline = time.monotonic() + 300
-    while True:  # The worker may not have come yet.
-        asked = [*command, "--out", "cluster", "--scheduler", address]
-        driver = subprocess.Popen(
-            asked, cwd=tmp_path, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        with suppress(AssertionError):
-            wait_for(lambda: has_task(worker), driver)
+    # Of seven objects, in chunks of four and three, so few are planned that no chunk is done.
+    progress, said = Progress(tmp_path), tmp_path / "said"
+    progress.allow(2)
+    options = ("parts", *QUICK_OPTIONS, "--out", "cluster", "--scheduler", cluster.address)
+    deadline = time.monotonic() + 600
+    while True:
+        with said.open("w") as stderr:
+            driver = subprocess.Popen(
+                held_command(*options),
+                cwd=tmp_path,
+                env=held_environment(tmp_path) | PATIENT,
+                stderr=stderr,
+            )
+        wait_for(partial(is_held_or_over, progress, driver), cluster.worker)
+        if driver.poll() is None:
             break
-        assert "has no workers" in driver.communicate()[1]
+        # The worker may not have come yet, and the scheduler may be slow.
+        assert "has no workers" in said.read_text() or "no Dask scheduler" in said.read_text()
         assert time.monotonic() < deadline
-    # It is not to hear of all results before the scheduler is lost; the worker goes on.
-    driver.send_signal(signal.SIGSTOP)
-    wait_for(lambda: any((tmp_path / "cluster").glob("grasps/*.yaml")))
-    os.kill(scheduler, signal.SIGKILL)
-    driver.send_signal(signal.SIGCONT)
-    _, said = driver.communicate(timeout=300)
-    assert driver.returncode == 2
-    assert said == (
-        f"polygrasp: {address}: the Dask scheduler is lost; start it again and give the same "
-        "command again, which goes on from here\n"
+    wait_for(lambda: any((tmp_path / "cluster").glob("grasps/*.yaml")), driver)
+    cluster.scheduler.kill()
+    assert driver.wait() == 2
+    assert said.read_text() == (
+        f"polygrasp: {cluster.address}: the Dask scheduler is lost; start it again and give the "
+        "same command again, which goes on from here\n"
     )
+    assert len(files_of(tmp_path / "cluster")) < 7
     # The same command without the cluster goes on.
+    cluster.worker.kill()
+    command = [sys.executable, "-m", "drake_polygrasp", "batch", "parts", *QUICK_OPTIONS]
     for out in ("cluster", "alone"):
-        subprocess.run([*command, "--out", out], cwd=tmp_path, env=env, check=True)
+        environment = held_environment(tmp_path)
+        subprocess.run([*command, "--out", out], cwd=tmp_path, env=environment, check=True)
     assert files_of(tmp_path / "cluster") == files_of(tmp_path / "alone")
 
 
-def has_task(worker: int) -> bool:
-    """Whether a child of ours runs below it; a worker that starts runs others for a moment."""
-    for process in descendants(worker):
-        with suppress(OSError):
-            if b"drake_polygrasp.batch.child" in Path(f"/proc/{process}/cmdline").read_bytes():
-                return True
-    return False
+def is_held_or_over(progress: Progress, driver: subprocess.Popen[bytes]) -> bool:
+    return progress.is_held() or driver.poll() is not None
 
 
-def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str] | None = None) -> None:
-    deadline = time.monotonic() + 300
+def wait_for(condition: Callable[[], bool], process: subprocess.Popen[bytes]) -> None:
+    deadline = time.monotonic() + 600
     while not condition():
-        assert process is None or process.poll() is None, "it has ended"
+        assert process.poll() is None, "it has ended"
         assert time.monotonic() < deadline
         time.sleep(0.02)

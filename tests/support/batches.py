@@ -11,10 +11,16 @@ from drake_polygrasp.settings import NO_ERRORS
 from tests.support.convex_polyhedra import prism, write_obj
 from tests.support.solids import regular_polygon
 
-QUICK: dict[str, Any] = {"effort": "quick", "top": 2, "workers": 2, **NO_ERRORS}
+QUICK: dict[str, Any] = {
+    "effort": "quick",
+    "top": 2,
+    "workers": 2,
+    "timeout": 3600.0,  # No machine is too slow.
+    **NO_ERRORS,
+}
 """Arguments of batches whose grasps do not matter."""
 QUICK_OPTIONS = [
-    *("--effort=quick", "--top=2", "--workers=2"),
+    *("--effort=quick", "--top=2", "--workers=2", "--timeout=3600"),
     *(f"--{name.replace('_', '-')}=0" for name in NO_ERRORS),
 ]
 """The same as options of the command."""
