@@ -50,10 +50,20 @@ KINDS = ("abort", "hog", "broken", "abort", "hang", "broken", "hog", "abort")
 """Kinds of every fifth object: few hang, for while they do no others are killed at work."""
 SLOTS = 2
 TIMEOUT = 15.0
+"""Time for an object [s], which a sound one is far from taking unless the machine stands still."""
 KILLED_WORKERS = 3
 ALIVE_SECONDS = 2.0
 PATIENCE = 60.0
 """Time for an object after which the driver is taken to hang [s]."""
+
+
+PATIENT = {
+    "distributed.deploy.lost-worker-timeout": "1 hour",
+    "distributed.scheduler.worker-ttl": "1 hour",
+    "distributed.comm.timeouts.connect": "10 minutes",
+    "distributed.comm.timeouts.tcp": "10 minutes",
+}
+"""Settings by which Dask takes no process of a busy machine for a lost one."""
 
 
 def main() -> int:
@@ -63,24 +73,29 @@ def main() -> int:
     parser.add_argument("--kills", type=int, help="of drivers (default: 20) or Dask's workers (3)")
     parser.add_argument("--engine", choices=("local", "threads", "dask"), default="local")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--timeout", type=float, default=TIMEOUT, help="of an object [s]")
     parser.add_argument("--drive", metavar="FOLDER", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     num_objects, engine, seed = arguments.objects, arguments.engine, arguments.seed
+    timeout = arguments.timeout
     num_kills = arguments.kills or (KILLED_WORKERS if engine == "dask" else 20)
     if share_of_kill(num_objects, num_kills) < 1:
         parser.error(f"{num_kills} kills need more --objects than {num_objects}")
     if arguments.drive is not None:
-        drive(arguments.drive, num_objects, num_kills, engine, seed)
+        drive(arguments.drive, num_objects, num_kills, engine, seed, timeout)
         return 0
     with tempfile.TemporaryDirectory() as folder:
-        faults = chaos(Path(folder), num_objects, num_kills, engine, seed)
+        faults = chaos(Path(folder), num_objects, num_kills, engine, seed, timeout=timeout)
     print(*faults or ["the promise holds"], sep="\n")
     return 1 if faults else 0
 
 
 def share_of_kill(num_objects: int, num_kills: int) -> int:
-    """How many objects may be started before each kill, so that some are left after the last."""
-    return (num_objects - SLOTS - 1) // num_kills
+    """How many objects may be started before each kill, so that some are left after the last.
+
+    Those that wait to be allowed have started too, one in each slot.
+    """
+    return (num_objects - 1 - SLOTS * (num_kills - 1)) // num_kills
 
 
 def chaos(
@@ -90,6 +105,7 @@ def chaos(
     engine: str,
     seed: int,
     alive_seconds: float = ALIVE_SECONDS,
+    timeout: float = TIMEOUT,
 ) -> list[str]:
     """Runs a batch to its end through kills, and returns how its promise is broken."""
     write_library(folder / "parts", num_objects)
@@ -97,6 +113,7 @@ def chaos(
     chance, moments = random.Random(seed), Counter[str]()
     faults, kills = [], 0
     options = ["--objects", str(num_objects), "--kills", str(num_kills), "--engine", engine]
+    options += ["--timeout", str(timeout)]
     start = time.monotonic()
     while engine != "dask" and kills < num_kills:
         progress.allow(progress.starts + share)
@@ -186,7 +203,9 @@ def said_by(folder: Path) -> str:
     return " | ".join((folder / "said").read_text(errors="replace").splitlines()[-10:])
 
 
-def drive(folder: Path, num_objects: int, num_kills: int, engine: str, seed: int) -> None:
+def drive(
+    folder: Path, num_objects: int, num_kills: int, engine: str, seed: int, timeout: float
+) -> None:
     """Runs the batch, as the process that is killed."""
     with ExitStack() as stack:
         executor: Executor | None = None
@@ -200,7 +219,7 @@ def drive(folder: Path, num_objects: int, num_kills: int, engine: str, seed: int
             folder / "out",
             executor=executor,
             workers=SLOTS,
-            timeout=TIMEOUT,
+            timeout=timeout,
             memory=1 << 30,
             function="benchmarks.chaos:plan_or_misbehave",
             effort="quick",
@@ -218,8 +237,7 @@ def drive(folder: Path, num_objects: int, num_kills: int, engine: str, seed: int
 def dask_under_fire(folder: Path, share: int, num_kills: int, seed: int) -> Iterator[Executor]:
     """A LocalCluster's executor; workers are killed while it runs."""
     distributed = import_module("distributed")
-    # By default the cluster gives a worker up that a busy machine does not restart within 15 s.
-    import_module("dask").config.set({"distributed.deploy.lost-worker-timeout": "1 hour"})
+    import_module("dask").config.set(PATIENT)
     progress, chance = Progress(folder), random.Random(seed)
 
     def wait_for(event: Callable[[], bool]) -> None:

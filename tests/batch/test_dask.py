@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import pytest
 
+from benchmarks.chaos import PATIENT
 from benchmarks.chaos_moments import Progress
 from tests.support.batches import QUICK_OPTIONS, files_of, prism_file
 from tests.support.held_batch import held_command, held_environment
@@ -34,7 +35,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
 
     def start(program: str, *options: str) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", f"distributed.cli.dask_{program}", "--no-dashboard"]
-        environment = held_environment(tmp_path) | PATIENT
+        environment = held_environment(tmp_path) | ENVIRONMENT
         process = subprocess.Popen([*command, *options], stderr=subprocess.DEVNULL, env=environment)
         started.append(process)
         return process
@@ -51,12 +52,11 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
             process.wait()
 
 
-PATIENT = {
-    "DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT": "600s",
-    "DASK_DISTRIBUTED__COMM__TIMEOUTS__TCP": "600s",
-    "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "1 hour",
+ENVIRONMENT = {
+    f"DASK_{name.replace('.', '__').replace('-', '_').upper()}": value
+    for name, value in PATIENT.items()
 }
-"""Dask takes no process of a busy machine for a lost one."""
+"""Variables that say what `PATIENT` does."""
 
 
 def written_address(file: Path) -> str:
@@ -82,7 +82,7 @@ def test_a_cluster_gives_the_files_of_one_process_until_it_is_lost(
             driver = subprocess.Popen(
                 held_command(*options),
                 cwd=tmp_path,
-                env=held_environment(tmp_path) | PATIENT,
+                env=held_environment(tmp_path) | ENVIRONMENT,
                 stderr=stderr,
             )
         wait_for(partial(is_held_or_over, progress, driver), cluster.worker)
