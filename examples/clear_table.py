@@ -84,6 +84,7 @@ def pick(scene: Scene, file: Path, hand: Hand, meshcat: Meshcat | None = None) -
         up_B=up_B,
         avoid_directions=[-up_B],
         load_mass=0.15,
+        budget=600.0,  # [s]: enough on a slow machine too
     )
     if not plan.grasps:
         return "left alone: " + "; ".join(plan.sentences.values())

@@ -18,11 +18,12 @@ from typing import Any
 import nbclient
 import nbformat
 from PIL import Image
+from traitlets.config import Config
 
 HERE = Path(__file__).parent
 _COLOURS = 48
-_PATIENCE = 120
-"""Longest time of a cell [s]."""
+_PATIENCE = 1200
+"""Longest time of a cell, of the kernel's start and of what it still has to print [s]."""
 
 
 def execute(path: Path) -> Any:
@@ -37,9 +38,13 @@ def execute(path: Path) -> Any:
     # What it imports is what stands here, wherever its kernel starts.
     os.environ["PYTHONPATH"] = f"{HERE.parent}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
     notebook = nbformat.read(path, as_version=4)
-    with tempfile.TemporaryDirectory() as folder:
+    patience = dict.fromkeys(("timeout", "startup_timeout", "iopub_timeout"), _PATIENCE)
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as sockets:
+        # Files as sockets: a port that is free may be taken before the kernel takes it.
+        kernel = {"transport": "ipc", "ip": f"{sockets}/kernel"}
+        config = Config({"KernelManager": kernel})
         resources = {"metadata": {"path": folder}}
-        nbclient.NotebookClient(notebook, timeout=_PATIENCE, resources=resources).execute()
+        nbclient.NotebookClient(notebook, config=config, resources=resources, **patience).execute()
         if left := sorted(file.name for file in Path(folder).iterdir()):
             raise RuntimeError(f"{path.name} leaves {', '.join(left)}")
     for cell in notebook.cells:

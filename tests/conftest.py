@@ -8,13 +8,18 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 # Read when NumPy is imported: tests of several processes are to share the processors.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# The same examples in every run, and no time limit on each: machines are shared.
-settings.register_profile("drake_polygrasp", deadline=None, derandomize=True)
+# The same examples in every run, and no time limit on them: machines are shared.
+settings.register_profile(
+    "drake_polygrasp",
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("drake_polygrasp")
 
 
@@ -25,6 +30,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     # In a process of its own: it loads what lazy imports leave out.
     command = [sys.executable, "-m", "docs.website", str(directory)]
     root = Path(__file__).parents[1]
-    result = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=300)
+    result = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=1800)
     assert (result.returncode, result.stderr) == (0, "")
     return directory

@@ -50,7 +50,7 @@ def test_grasps_of_a_hand_are_planned_written_and_verified(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "cube.grasp.yaml"
-    words = ("plan", CUBE, "--hand", OWN_HAND, "-o", file, "--budget", "60", "--seed", "0")
+    words = ("plan", CUBE, "--hand", OWN_HAND, "-o", file, "--budget", "3600", "--seed", "0")
     code, out, _ = called(capsys, *words, "--up", "0", "0", "1", "--top", "2")
     assert code == 0
     assert "2 grasps that 'three_finger' can make" in out

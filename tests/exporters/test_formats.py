@@ -69,7 +69,7 @@ class TestFormat:
         pipe = box.parent / "pipe"
         os.mkfifo(pipe)
         read: list[str] = []
-        reading = Thread(target=lambda: read.append(pipe.read_text()))
+        reading = Thread(target=lambda: read.append(pipe.read_text()), daemon=True)
         reading.start()
         export(load_grasps(box), pipe)
         reading.join()

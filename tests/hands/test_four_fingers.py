@@ -9,7 +9,7 @@ import numpy as np
 from drake_polygrasp import load_hand, load_object, plan_hand_grasps, save_grasps, verify_file
 from tests.hands.test_hand_search import ACCURACY, apart
 from tests.support.hand_judge import HandJudge
-from tests.support.hands import CUBE
+from tests.support.hands import CUBE, PATIENCE
 
 HAND = Path(__file__).with_name("four_fingers.hand.yaml")
 RADIUS = 0.011
@@ -20,7 +20,7 @@ def test_four_fingers_of_two_independent_joints_grasp_a_cube(tmp_path: Path) -> 
     assert len(hand.independent) == 8
     assert len(hand.fingers) == 4
     cube = load_object(CUBE)
-    plan = plan_hand_grasps(cube, hand, top=2, budget=60.0)
+    plan = plan_hand_grasps(cube, hand, top=2, budget=PATIENCE)
     assert plan.grasps
     judge = HandJudge(hand, HAND.with_suffix("").with_suffix(".urdf"), CUBE)
     for found in plan.grasps:

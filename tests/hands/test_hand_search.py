@@ -25,6 +25,7 @@ from tests.support.hands import (
     MODELS,
     OWN_HAND,
     OWN_MODEL,
+    PATIENCE,
     TIP_RADIUS,
     own_hand,
     own_hand_grasps,
@@ -167,7 +168,7 @@ def test_tips_wider_than_their_spheres_do_not_penetrate(tmp_path: Path) -> None:
     scene, reach = HandScene(wide, object_), make_reach(wide, num=2000)
     judge = HandJudge(wide, tmp_path / OWN_MODEL.name, CUBE)
     search = HandSearch(scene, reach, grasps, HoldOptions(mass=0.15))
-    found = [hand_grasp(scene, grasps[k], held) for k, held in search.run(60.0)]
+    found = [hand_grasp(scene, grasps[k], held) for k, held in search.run(PATIENCE)]
     assert found
     for each in found:
         judge.place(each.X_BPalm, each.q)
@@ -207,7 +208,7 @@ def test_a_hand_keeps_clear_of_a_table(tmp_path: Path) -> None:
     assert high
     scene = HandScene(own_hand(), object_, surroundings=table_under(bottom))
     search = HandSearch(scene, own_reach(), high, HoldOptions(mass=0.15))
-    found = [hand_grasp(scene, high[k], held) for k, held in search.run(60.0)]
+    found = [hand_grasp(scene, high[k], held) for k, held in search.run(PATIENCE)]
     assert found
     table = tmp_path / "table.sdf"
     table.write_text(
@@ -229,7 +230,7 @@ def test_a_hand_keeps_clear_of_a_table(tmp_path: Path) -> None:
 
 
 def refused(
-    grasps: list[Grasp], scene: HandScene, options: HoldOptions, budget: float = 60.0
+    grasps: list[Grasp], scene: HandScene, options: HoldOptions, budget: float = PATIENCE
 ) -> set[str]:
     search = HandSearch(scene, own_reach(), grasps, options)
     assert not list(search.run(budget))
@@ -245,7 +246,7 @@ def test_each_refusal_has_its_cause() -> None:
     assert refused([wide], scene, light) == {"out_of_reach"}
     assert refused([grasp], scene, HoldOptions(mass=100.0)) == {"torque"}
     slippery = replace(grasp, mu=np.full(3, 1e-3))
-    assert refused([slippery], scene, light, 1.0) <= {"friction", "torque"}
+    assert refused([slippery], scene, light) <= {"friction", "torque"}
     assert refused([grasp], scene, light, budget=-1.0) == {"budget"}
     around = [
         (f"wall {k}", Box(0.01, 2.0, 2.0), RigidTransform(R, R @ np.array([0.19, 0.0, 0.0])))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -32,7 +34,16 @@ from drake_polygrasp.pipeline.hand_errors import hand_grasp_under_errors
 from drake_polygrasp.pipeline.region_certificates import Errors
 from tests.hands.test_hand_search import ACCURACY, apart, contact_errors
 from tests.support.hand_judge import HandJudge
-from tests.support.hands import CUBE, MODELS, OWN_HAND, OWN_MODEL, TIP_RADIUS, own_hand, own_reach
+from tests.support.hands import (
+    CUBE,
+    MODELS,
+    OWN_HAND,
+    OWN_MODEL,
+    PATIENCE,
+    TIP_RADIUS,
+    own_hand,
+    own_reach,
+)
 from tests.support.hands import planned as planned_without_hand
 
 MASS = 0.15
@@ -54,7 +65,7 @@ def loaded(name: str) -> GraspObject:
 
 @cache
 def planned(name: str) -> HandPlan:
-    return plan_hand_grasps(loaded(name), own_hand(), load_mass=MASS, budget=60.0, **NO_ERRORS)
+    return plan_hand_grasps(loaded(name), own_hand(), load_mass=MASS, budget=PATIENCE, **NO_ERRORS)
 
 
 TABLE = """\
@@ -91,7 +102,7 @@ def test_grasps_are_proved_and_the_hand_makes_them(name: str) -> None:
 
 def test_the_same_input_gives_the_same_plan() -> None:
     again = plan_hand_grasps(
-        loaded(SIX[0]), load_hand(OWN_HAND), load_mass=MASS, budget=60.0, **NO_ERRORS
+        loaded(SIX[0]), load_hand(OWN_HAND), load_mass=MASS, budget=PATIENCE, **NO_ERRORS
     )
     for one, other in zip(planned(SIX[0]).grasps, again.grasps, strict=True):
         np.testing.assert_array_equal(one.certified.grasp.p_BC, other.certified.grasp.p_BC)
@@ -102,7 +113,7 @@ def test_the_same_input_gives_the_same_plan() -> None:
 
 def test_default_errors_are_proved_of_the_same_grasps() -> None:
     object_ = loaded(SIX[0])
-    plan = plan_hand_grasps(object_, own_hand(), load_mass=MASS, budget=60.0)
+    plan = plan_hand_grasps(object_, own_hand(), load_mass=MASS, budget=PATIENCE)
     exact = {found.certified.grasp.faces: found for found in planned(SIX[0]).grasps}
     assert {found.certified.grasp.faces for found in plan.grasps} == {*exact}
     least = []
@@ -130,7 +141,7 @@ def test_a_grasp_is_tried_for_less_and_returned_if_it_bears_nothing() -> None:
     object_, grasps = planned_without_hand(CUBE)
     scene, hold = HandScene(own_hand(), object_), HoldOptions(mass=MASS)
     search = HandSearch(scene, own_reach(), [grasps[0].grasp], hold)
-    (_, held) = next(search.run(60.0))
+    (_, held) = next(search.run(PATIENCE))
     nothing = np.zeros(len(object_.polyhedron.faces))
     # No tilt of 1.4 rad leaves any friction; a hundredth of the friction may go.
     too_much, little = Errors(nothing, 1.4, 0.0, 0.0), Errors(nothing, 0.0, 0.01, 0.0)
@@ -154,7 +165,7 @@ def test_on_a_table_hand_and_tips_keep_clear_of_it(tmp_path: Path) -> None:
         surroundings=slab,
         up_B=(0, 0, 2),
         load_mass=MASS,
-        budget=60.0,
+        budget=PATIENCE,
     )
     assert plan.grasps
     assert plan.settings.obstacles == ("table",)
@@ -183,20 +194,31 @@ def test_an_object_that_is_far_too_large_is_out_of_reach(tmp_path: Path) -> None
     assert "'three_finger' are " in plan.sentences[reason]
 
 
+@pytest.fixture
+def counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets 100 s pass with each posture that is tried, on every machine."""
+    clock = SimpleNamespace(monotonic=count(step=100).__next__)
+    monkeypatch.setattr("drake_polygrasp.hands.hand_search.time", clock)
+
+
+@pytest.mark.usefixtures("counted")
 def test_a_load_that_is_too_heavy_is_refused_with_the_share_of_torque() -> None:
-    plan = plan_hand_grasps(loaded(SIX[0]), own_hand(), load_mass=20.0, budget=3.0)
+    plan = plan_hand_grasps(loaded(SIX[0]), own_hand(), load_mass=20.0, budget=PATIENCE)
     assert not plan.grasps
     assert plan.refusals["torque"] >= 1
     assert sum(plan.refusals.values()) == plan.tried == plan.candidates
     assert "20 kg" in plan.sentences["torque"]
 
 
+@pytest.mark.usefixtures("counted")
 def test_a_table_all_around_leaves_no_way() -> None:
     object_ = loaded(SIX[0])
     box = Box(1.0, 1.0, 0.02)
     lids = [RigidTransform([0, 0, z]) for z in (-0.05, 0.05)]
     between = Surroundings(tuple((f"lid {k}", box, X_BG) for k, X_BG in enumerate(lids)))
-    plan = plan_hand_grasps(object_, own_hand(), surroundings=between, load_mass=MASS, budget=4.0)
+    plan = plan_hand_grasps(
+        object_, own_hand(), surroundings=between, load_mass=MASS, budget=PATIENCE
+    )
     assert not plan.grasps
     assert {*plan.refusals} <= {"collision", "ik_failed", "no_approach", "no_opening", "budget"}
 
@@ -210,7 +232,7 @@ def test_errors_are_borne_by_the_grasps_that_are_returned() -> None:
         placement_error=0.002,
         tilt_error=0.05,
         friction_error=0.1,
-        budget=60.0,
+        budget=PATIENCE,
     )
     (found,) = plan.grasps
     region = found.certified.region
@@ -223,7 +245,7 @@ def test_the_friction_of_tips_bounds_that_of_contacts() -> None:
     hand = own_hand()
     tips = tuple(replace(tip, mu=0.4) for tip in hand.tips)
     plan = plan_hand_grasps(
-        loaded(SIX[0]), replace(hand, tips=tips), top=1, load_mass=MASS, budget=60.0
+        loaded(SIX[0]), replace(hand, tips=tips), top=1, load_mass=MASS, budget=PATIENCE
     )
     # Drake combines 0.5 and 0.4 to 2 * 0.5 * 0.4 / 0.9.
     np.testing.assert_allclose(plan.grasps[0].certified.grasp.mu, 4 / 9, rtol=1e-12)
@@ -231,7 +253,11 @@ def test_the_friction_of_tips_bounds_that_of_contacts() -> None:
 
 def test_ranking_by_torque_puts_the_least_share_first() -> None:
     plan = plan_hand_grasps(
-        loaded("l_bracket/l_bracket.sdf"), own_hand(), rank="torque", load_mass=MASS, budget=60.0
+        loaded("l_bracket/l_bracket.sdf"),
+        own_hand(),
+        rank="torque",
+        load_mass=MASS,
+        budget=PATIENCE,
     )
     shares = [found.torque.share for found in plan.grasps]
     assert shares == sorted(shares)
@@ -251,13 +277,13 @@ def test_a_grasp_that_is_there_already_is_made_or_refused() -> None:
     plan = plan_grasps(
         object_, top=1, tip_radius=TIP_RADIUS, edge_clearance=0.003, effort="quick", **NO_ERRORS
     )
-    found = hand_grasp_for(object_, plan.grasps[0], own_hand(), load_mass=MASS, budget=60.0)
+    found = hand_grasp_for(object_, plan.grasps[0], own_hand(), load_mass=MASS, budget=PATIENCE)
     assert isinstance(found, HandGrasp)
     assert found.certified is plan.grasps[0]
     judge = HandJudge(own_hand(), OWN_MODEL, CUBE)
     judge.place(found.X_BPalm, found.q)
     assert contact_errors(judge, found)[0] <= 5e-4
-    refused = hand_grasp_for(object_, plan.grasps[0], own_hand(), load_mass=50.0, budget=10.0)
+    refused = hand_grasp_for(object_, plan.grasps[0], own_hand(), load_mass=50.0, budget=PATIENCE)
     assert isinstance(refused, HandRefusal)
     assert refused.reason == "torque"
     assert "50 kg" in refused.sentence

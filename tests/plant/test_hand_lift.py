@@ -32,7 +32,7 @@ from drake_polygrasp.hand_grasp import HandGrasp
 from drake_polygrasp.plant import HandTimes, add_hand_actuators
 from drake_polygrasp.plant.hand_lift import HELD_RISE, LIFT, judge_lift
 from drake_polygrasp.plant.supports import support_points
-from tests.support.hands import CUBE, MODELS, own_hand, own_hand_grasps, planned
+from tests.support.hands import CUBE, MODELS, PATIENCE, own_hand, own_hand_grasps, planned
 
 FOUR_FINGERS = Path(__file__).parents[1] / "hands" / "four_fingers.hand.yaml"
 LIFTED = [CUBE, MODELS / "t_block" / "t_block.urdf", MODELS / "wedge" / "wedge.urdf"]
@@ -71,7 +71,7 @@ def test_an_object_without_inertia_is_not_lifted_and_that_is_said(tmp_path: Path
 
 def test_joints_that_mimic_others_follow_them_in_the_lift() -> None:
     hand, cube = load_hand(FOUR_FINGERS), load_object(CUBE)
-    each = plan_hand_grasps(cube, hand, top=1, load_mass=0.15, budget=60.0).grasps[0]
+    each = plan_hand_grasps(cube, hand, top=1, load_mass=0.15, budget=PATIENCE).grasps[0]
     assert len(each.torque.torque) < len(each.q)
     assert lift_with_hand(cube, each.certified, hand, each).held
     assert not lift_with_hand(cube, each.certified, hand, each, feedforward=False).held

@@ -23,6 +23,8 @@ OWN_MODEL = OWN_HAND.with_name("three_finger.sdf")
 CUBE = MODELS / "cube" / "cube.sdf"
 TIP_RADIUS = 0.01
 """That of the tips of our own hand [m]."""
+PATIENCE = 3600.0
+"""A budget of searches for postures [s] that no machine is too slow for."""
 
 
 @cache
@@ -49,5 +51,5 @@ def own_hand_grasps(model: Path, mass: float = 0.15, up: bool = False) -> tuple[
     object_, grasps = planned(model)
     scene = HandScene(own_hand(), object_)
     options = HoldOptions(mass=mass, up_B=np.array([0.0, 0.0, 1.0]) if up else None)
-    found = dict(HandSearch(scene, own_reach(), grasps, options).run(budget=60.0))
+    found = dict(HandSearch(scene, own_reach(), grasps, options).run(PATIENCE))
     return tuple(hand_grasp(scene, grasps[k], found[k]) for k in sorted(found))

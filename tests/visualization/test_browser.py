@@ -50,7 +50,7 @@ def look(page: Path, fragment: str = "", size: str = "900,600") -> tuple[Array, 
         cwd=page.parent,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=1200,
         check=True,
     )
     console = [line for line in result.stderr.splitlines() if "CONSOLE" in line]
