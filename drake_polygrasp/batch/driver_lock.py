@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import socket
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Self
@@ -13,6 +14,9 @@ from typing import IO, Self
 from drake_polygrasp.errors import BatchError
 
 _ALL = "driver.lock"
+_TRIES = 10
+_RETRY_SECONDS = 0.05
+"""Who asks which drivers run has their locks for a moment, which is no reason to be refused."""
 
 
 class DriverLock:
@@ -63,6 +67,11 @@ class DriverLock:
     def _take(self, name: str, kind: int) -> IO[str]:
         file = (self._folder / name).open("a+", encoding="utf-8")
         self._files.append(file)
+        for _ in range(_TRIES - 1):
+            with suppress(BlockingIOError):
+                fcntl.flock(file, kind | fcntl.LOCK_NB)
+                return file
+            time.sleep(_RETRY_SECONDS)
         fcntl.flock(file, kind | fcntl.LOCK_NB)
         return file
 

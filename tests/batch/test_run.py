@@ -277,6 +277,23 @@ def test_one_driver_in_all_or_one_for_each_shard(tmp_path: Path) -> None:
         assert json.loads((tmp_path / "driver.lock").read_text())["pid"] == os.getpid()
 
 
+def test_a_look_at_who_drives_refuses_no_driver(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks = []
+
+    def looked_at_first(file: IO[str], operation: int) -> None:
+        if not looks:
+            looks.append(file)  # As if `running_drivers` had the lock.
+            raise BlockingIOError
+        flock(file, operation)
+
+    flock = fcntl.flock
+    monkeypatch.setattr("drake_polygrasp.batch.driver_lock.fcntl.flock", looked_at_first)
+    with DriverLock(tmp_path):
+        assert looks
+
+
 def test_rows_of_a_driver_that_just_starts_hinder_no_other(copy: Path) -> None:
     for name in ("results-1-of-2.sqlite", "results-2-of-2.sqlite"):
         sqlite3.connect(copy / "out" / name).close()
