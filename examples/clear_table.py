@@ -90,9 +90,9 @@ def pick(scene: Scene, file: Path, hand: Hand, meshcat: Meshcat | None = None) -
         return "left alone: " + "; ".join(plan.sentences.values())
     best = plan.grasps[0]
     p_WPalm = (X_WB @ best.X_BPalm).translation()
-    outcome = lift_with_hand(object_, best.certified, hand, best, meshcat=meshcat)
+    held = lift_with_hand(object_, best.certified, hand, best, meshcat=meshcat).held
     plant.SetFreeBodyPose(context, body, AWAY)
-    verb = "picked up" if outcome.held else "dropped"
+    verb = "picked up" if held else "dropped"
     return f"{verb} by {', '.join(best.fingers)}; palm at {np.round(p_WPalm, 2).tolist()}"
 
 
@@ -108,8 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         pick((plant, body, context), file, hand, meshcat)
         for body, file in zip(bodies, OBJECTS, strict=True)
     ]
-    for file, words in zip(OBJECTS, said, strict=True):
-        print(f"{file.stem}: {words}")
+    print(*(f"{file.stem}: {words}" for file, words in zip(OBJECTS, said, strict=True)), sep="\n")
     return int(not all(words.startswith("picked up") for words in said))
 
 
