@@ -11,6 +11,7 @@ vertices. A patch is a near-planar part of a curved or scanned surface, planned 
 | triangle_soup.py | triangles near points, and winding numbers |
 | face_triangles.py | triangulation of mesh faces with more than three corners |
 | shells.py | triangles welded into closed shells, oriented outward |
+| open_shells.py | which open shells face inward, by solid angles |
 | two_sided.py | which triangles at an edge face one another, where faces are two-sided |
 | sections.py | the part of a plane that shells cover |
 | cavities.py | cavities that the parts of a body seal |

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints
+from drake_polygrasp.geometry.open_shells import open_shells_inward
 from drake_polygrasp.geometry.triangle_soup import TriangleSoup
 from drake_polygrasp.geometry.triangles import distinct, unit_normals
 from drake_polygrasp.geometry.two_sided import links_in_front
@@ -120,7 +121,10 @@ def connected_components(num_nodes: int, a: Ints, b: Ints) -> Ints:
 
 
 def oriented_shells(vertices: Array, corners: Ints) -> Shells:
-    """Returns the shells of a mesh, each oriented so that its volume is positive.
+    """Returns the shells of a mesh, each oriented outward.
+
+    Closed ones have a positive volume. Open ones are oriented as the file gives most of their area,
+    or the other way where they would face into what all open shells enclose together.
 
     Two triangles that share an edge with no third belong to one shell and are oriented
     consistently: they run along the edge in opposite senses. Shells that this leaves open may be
@@ -147,14 +151,34 @@ def oriented_shells(vertices: Array, corners: Ints) -> Shells:
     corners = _reversed(corners, reverse)
     shell, apart = _sides_apart(vertices, corners, shell)
     inward = np.bincount(shell, weights=_signed_volumes(vertices, corners, shell)) < 0
+    is_open = _open_shells(corners, shell)
+    if is_open.any():
+        inward[is_open] = _open_inward(vertices, corners, shell, reverse, is_open)[is_open]
     return Shells(
         corners=_reversed(corners, inward[shell]),
         shell=shell,
-        closed=~_open_shells(corners, shell),
+        closed=~is_open,
         simple=np.bincount(shell, weights=np.isin(np.arange(len(shell)), third // 3)) == 0,
         turned=reverse ^ inward[shell],
         spare=apart & inward[shell],
     )
+
+
+def _open_inward(
+    vertices: Array, corners: Ints, shell: Ints, reverse: Bools, is_open: Bools
+) -> Bools:
+    """Returns which of the open shells to reverse, by shell; `reverse` says where the file differs.
+
+    Each is first oriented as the file gives most of its area.
+    """
+    rows = np.flatnonzero(is_open[shell])
+    _, area = unit_normals(vertices[corners[rows]])
+    sign = np.where(reverse[rows], -area, area)
+    against = np.bincount(shell[rows], sign, minlength=len(is_open)) < 0
+    given = _reversed(corners[rows], against[shell[rows]])
+    wrong = open_shells_inward(vertices[given], shell[rows])
+    against[: len(wrong)] ^= wrong
+    return against
 
 
 def _sides_apart(vertices: Array, corners: Ints, shell: Ints) -> tuple[Ints, Bools]:
@@ -211,7 +235,7 @@ def faces_inward(triangles: Array, tolerance: float) -> tuple[Bools, Bools]:
     turned = shells.turned
     volume = np.bincount(shells.shell, _signed_volumes(vertices, shells.corners, shells.shell))
     area = np.bincount(shells.shell, unit_normals(vertices[shells.corners])[1])
-    turned = turned & (volume > tolerance * area)[shells.shell]
+    turned = turned & (~shells.closed | (volume > tolerance * area))[shells.shell]
     inward[rows] = turned & ~_within_another(vertices[shells.corners], shells)[shells.shell]
     return inward & ~spare, spare
 
@@ -293,10 +317,7 @@ def _open_shells(corners: Ints, shell: Ints) -> Bools:
 
 
 def _signed_volumes(vertices: Array, corners: Ints, shell: Ints) -> Array:
-    """Returns the signed volumes of the tetrahedra from each shell's mean point to its triangles.
-
-    The sum over an open shell is a volume too, whose sign tells the orientation.
-    """
+    """Returns the signed volumes of tetrahedra from each shell's mean point to its triangles."""
     triangles = vertices[corners]
     count = np.bincount(shell)[:, None]
     sums = [np.bincount(shell, weights=x) for x in triangles.mean(axis=1).T]
