@@ -18,6 +18,7 @@ from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.convex import find_internal_forces
 from drake_polygrasp.certification.exact import MAX_TILT, narrowed_friction
 from drake_polygrasp.certification.region_pieces import RegionPiece, check_pieces
+from drake_polygrasp.certification.worst_placement import padded
 from drake_polygrasp.digits import EXACT, at_most, on_grid, significant
 from drake_polygrasp.vectors import circle, cross, dot, times, unit
 from drake_polygrasp.wrenches.contacts import contact_frames
@@ -222,6 +223,9 @@ class _Search:
             weights = np.maximum(times(losses, best), _LEAST_WEIGHT) if as_scale else _ONE
             planes = self.nominal[rows] - scale * losses
             x, room = self._most_room(planes, np.broadcast_to(weights, len(rows)))
+            # Losses are convex in x, so the planes at any x bound the room from above.
+            if not as_scale and max(float(room.min()), most) <= 0:
+                return None
             missing = float(room.min()) if as_scale else float(room.min()) - most
             if missing <= _TOLERANCE * (most if as_scale else 1.0):
                 break
@@ -265,10 +269,10 @@ class _Search:
         return x[k], room[k]
 
 
-def _across(push: Array) -> Array:
-    """Returns two unit vectors orthogonal to a vector and to each other, as rows."""
-    first = unit(cross(push, np.eye(3)[np.abs(push).argmin()]))
-    return np.stack([first, unit(cross(push, first))])
+def _across(vectors: Array) -> Array:
+    """Returns two unit vectors orthogonal to vectors (..., 3) and each other, (..., 2, 3)."""
+    first = unit(cross(vectors, np.eye(3)[np.abs(vectors).argmin(axis=-1)]))
+    return np.stack([first, unit(cross(vectors, first))], axis=-2)
 
 
 def _search(
@@ -282,40 +286,57 @@ def _search(
     """Prepares the search; None if the errors leave no friction, or no x for nominal contacts."""
     if not (0 <= tilt_error <= MAX_TILT and 0 <= friction_error < 1):
         return None
-    left = [
-        [float(narrowed_friction(m, tilt_error, friction_error, s.tan_spread)) for s in region]
-        for m, region in zip(mu.tolist(), regions, strict=True)
-    ]
-    if min(itertools.chain(*left)) <= 0:
+    errors = tilt_error, friction_error
+    pieces = [(i, piece) for i, region in enumerate(regions) for piece in region]
+    kinds = [(float(mu[i]), piece.tan_spread) for i, piece in pieces]
+    left = {(m, s): float(narrowed_friction(m, *errors, s)) for m, s in dict.fromkeys(kinds)}
+    if min(left.values()) <= 0:
         return None
-    widest = np.array([max(friction) for friction in left])
+    contact, friction = np.array([i for i, _ in pieces]), np.array([left[kind] for kind in kinds])
+    widest = np.array([friction[contact == i].max() for i in _I])
     start = find_internal_forces(p_BC[None], nhat_TB_B[None], widest[None])[0]
     if not np.isfinite(start).all():
         return None
-    deviations = [
-        np.concatenate([s.p_BV for s in r]) - p for r, p in zip(regions, p_BC, strict=True)
-    ]
-    centred = p_BC - p_BC.mean(axis=0)
     num_tangents = max(_NUM_TANGENTS // max(map(len, regions)), _FEWEST_TANGENTS)
     turns = circle(2 * np.pi * np.arange(num_tangents) / num_tangents)
-    nominal, lowest, highest, contact = [], [], [], []
-    for i, region in enumerate(regions):
-        for piece, friction in zip(region, left[i], strict=True):
-            n = piece.nhat_TB_B
-            u = friction * n + times(turns, _across(n))
-            extents = [times(u, (piece.p_BV - p_BC[i] if k == i else deviations[k]).T) for k in _I]
-            nominal.append(times(times(u, centred.T), _FACTORS[i]))
-            lowest.append(np.stack([e.min(axis=1) for e in extents], axis=1))
-            highest.append(np.stack([e.max(axis=1) for e in extents], axis=1))
-            contact += [i] * len(u)
-    owners = np.array(contact)
+    normals = np.stack([piece.nhat_TB_B for _, piece in pieces])
+    u = friction[:, None, None] * normals[:, None] + np.einsum(
+        "tj,pji->pti", turns, _across(normals)
+    )
+    extents = _extents(u, contact, [piece.p_BV - p_BC[i] for i, piece in pieces])
+    centred = p_BC - p_BC.mean(axis=0)
+    owners = np.repeat(contact, num_tangents)
+    nominal = np.einsum("rk,rkx->rx", times(u.reshape(-1, 3), centred.T), _FACTORS[owners])
     push = sum((times(times(n, centred.T), f) for n, f in zip(nhat_TB_B, _FACTORS, strict=True)))
     return _Search(
-        nominal=np.concatenate(nominal),
-        lowest=np.concatenate(lowest),
-        highest=np.concatenate(highest),
+        nominal=nominal,
+        lowest=extents[0],
+        highest=extents[1],
         factors=_FACTORS[owners],
         contact=owners,
         push=np.asarray(push),
         start=start,
     )
+
+
+def _extents(u: Array, contact: Ints, corners: Sequence[Array]) -> tuple[Array, Array]:
+    """Returns how far regions extend along directions of pieces.
+
+    Args:
+        u: directions of each piece, shape (P, T, 3).
+        contact: whose each piece is, shape (P,).
+        corners: of each piece, from its contact's nominal point [m], shapes (V, 3).
+
+    Returns:
+        The least and greatest u.p over the region of each contact [m], shape (P T, 3); over the
+        piece alone for its own contact.
+    """
+    low, high = np.empty((2, *u.shape[:2], 3))
+    for k in _I:
+        p = np.concatenate([c for c, i in zip(corners, contact, strict=True) if i == k])
+        along = times(u[contact != k], p.T)
+        low[contact != k, :, k], high[contact != k, :, k] = along.min(-1), along.max(-1)
+    own = np.einsum("ptk,pvk->ptv", u, padded(corners))
+    rows = np.arange(len(u))
+    low[rows, :, contact], high[rows, :, contact] = own.min(-1), own.max(-1)
+    return low.reshape(-1, 3), high.reshape(-1, 3)

@@ -56,7 +56,10 @@ def visible_facets(triangles_C: Array, window: Array, diameter: float) -> Visibl
     tolerance = LENGTH_TOLERANCE * diameter
     low, high = window.min(axis=0), window.max(axis=0)
     xy = triangles_C[:, :, :2]
-    triangle = np.flatnonzero(((xy.min(axis=1) <= high) & (xy.max(axis=1) >= low)).all(axis=1))
+    # Corner by corner over all triangles: several times faster than over the short axis.
+    least = np.minimum(np.minimum(xy[:, 0], xy[:, 1]), xy[:, 2])
+    greatest = np.maximum(np.maximum(xy[:, 0], xy[:, 1]), xy[:, 2])
+    triangle = np.flatnonzero(((least <= high) & (greatest >= low)).all(axis=1))
     nhat, area = unit_normals(triangles_C[triangle])
     triangle, nhat = triangle[area > tolerance**2], nhat[area > tolerance**2]
     is_wall = np.abs(nhat[:, 2]) <= _UPRIGHT
