@@ -29,7 +29,10 @@ _SECANTS, _LEAST_PART = 4, 0.02
 """Our choice: secants of a line search, and the least part of a step that is taken."""
 _DIGITS = 9
 """Our choice: decimals of twists."""
-_CORNERS, _FEWEST = 12288, 32
+_MOST_PASSES = 3
+"""Our choice: how often corners are added. Of contacts with several pieces only that corner of each
+counts at first that is lowest along the twist to begin at; then those that turn out lower."""
+_CORNERS, _FEWEST = 32768, 32
 """Our choice: how many corners of simplices are done at once, for their arrays to fit a processor's
 cache, but not of fewer simplices than these."""
 
@@ -55,8 +58,8 @@ class Steepen(Work[tuple[Array, Array]]):
     enough: float
 
     def kind(self) -> Hashable:
-        """Returns the number of corners, which is the same for those of one kind."""
-        return self.generators.num_corners
+        """Returns the numbers of corners and pieces, the same for those of one kind."""
+        return self.generators.num_corners, self.generators.pieces.shape[1]
 
     @classmethod
     def together(cls, works: Sequence[Steepen]) -> list[tuple[Array, Array]]:
@@ -68,45 +71,97 @@ class Steepen(Work[tuple[Array, Array]]):
         Returns:
             The answer to each.
         """
-        counts = [len(work.w) for work in works]
-        ends = np.cumsum(counts)
-        norm = LoadNorm.of_each([work.norm for work in works], counts)
-        enough = np.repeat([work.enough for work in works], counts)
+        simplices = _Simplices(works)
+        norm, enough = simplices.norm, simplices.enough
         w = _rounded(np.concatenate([work.w for work in works]))
-        values = np.empty(len(w))
-        rows = np.arange(len(w))
-        size = max(_FEWEST, _CORNERS // (6 * works[0].generators.num_corners))
-        for block in batches(len(w), size):
-            heights = _paired(_wrenches(works, ends, rows[block]), w[block])
-            values[block] = heights.min(axis=1) / norm.take(block).of(w[block])
-        low = np.flatnonzero(values < enough)
-        for block in batches(len(low), size):
-            rows = low[block]
-            a = _wrenches(works, ends, rows)
-            found = _steepest(a, w[rows], values[rows], norm.take(rows), enough[rows])
-            w[rows], values[rows] = found
-        return list(zip(np.split(w, ends[:-1]), np.split(values, ends[:-1]), strict=True))
+        values, lowest = simplices.along(np.arange(len(w)), w)
+        rows = np.flatnonzero(values < enough)
+        x, counted = w[rows], lowest[:, rows] if simplices.has_pieces else simplices.wrenches(rows)
+        for _ in range(_MOST_PASSES):
+            x, value = _raised(counted, x, norm.take(rows), enough[rows])
+            reached = value
+            if simplices.has_pieces:
+                reached, lowest = simplices.along(rows, x)
+            better = reached > values[rows]
+            w[rows[better]], values[rows[better]] = x[better], reached[better]
+            left = (values[rows] < enough[rows]) & (reached < value - _NEAR * np.abs(value))
+            if not left.any():
+                break
+            rows, x = rows[left], x[left]
+            counted = np.concatenate([counted[:, left], lowest[:, left]], axis=2)
+        return simplices.split(w, values)
 
 
-def _wrenches(works: Sequence[Steepen], ends: Ints, rows: Ints) -> Array:
-    """The wrenches at all corners of the generators of some simplices, ascending, (6, J, N)."""
-    first = np.searchsorted(rows, np.append(0, ends))
-    starts = ends - [len(work.w) for work in works]
-    parts = [
-        work.generators.at_corners(work.simplices[rows[i:j] - start])
-        for work, i, j, start in zip(works, first, first[1:], starts, strict=False)
-        if i < j
-    ]
-    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+class _Simplices:
+    """The simplices of several works, one after the other.
+
+    Attributes:
+        norm: of the twist of each.
+        enough: the value that is asked for of each, shape (J,).
+        has_pieces: whether contacts have several pieces.
+    """
+
+    def __init__(self, works: Sequence[Steepen]) -> None:
+        self._works, counts = works, [len(work.w) for work in works]
+        self._ends = np.cumsum(counts)
+        self._num_pieces = works[0].generators.pieces.shape[1]
+        self.has_pieces = self._num_pieces > 1
+        self.norm = LoadNorm.of_each([work.norm for work in works], counts)
+        self.enough = np.repeat([work.enough for work in works], counts)
+
+    def wrenches(self, rows: Ints) -> Array:
+        """Returns the wrenches at all corners of generators of simplices, ascending, (6, J, N)."""
+        first = np.searchsorted(rows, np.append(0, self._ends))
+        starts = np.append(0, self._ends)
+        parts = [
+            work.generators.at_corners(work.simplices[rows[i:j] - start])
+            for work, i, j, start in zip(self._works, first, first[1:], starts, strict=False)
+            if i < j
+        ]
+        return np.concatenate(parts, axis=1) if parts else np.zeros((6, 0, 6))
+
+    def along(self, rows: Ints, w: Array) -> tuple[Array, Array]:
+        """Returns the values of simplices along twists, and the lowest corner of each piece.
+
+        Args:
+            rows: the simplices, ascending, shape (J,).
+            w: a twist for each, shape (J, 6).
+
+        Returns:
+            The values, shape (J,), and the wrenches of the corners, shape (6, J, 6 S).
+        """
+        values, lowest = np.empty(len(rows)), np.empty((6, len(rows), 6 * self._num_pieces))
+        num_corners = 6 * self._works[0].generators.num_corners
+        for block in batches(len(rows), max(_FEWEST, _CORNERS // num_corners)):
+            a = self.wrenches(rows[block])
+            heights = _paired(a, w[block])
+            values[block] = heights.min(axis=1) / self.norm.take(rows[block]).of(w[block])
+            shape = a.shape[1], 6 * self._num_pieces, -1
+            at = heights.reshape(shape).argmin(axis=2)[None, :, :, None]
+            lowest[:, block] = np.take_along_axis(a.reshape(6, *shape), at, 3)[..., 0]
+        return values, lowest
+
+    def split(self, w: Array, values: Array) -> list[tuple[Array, Array]]:
+        """Returns twists and values of all simplices as answers to the works."""
+        ends = self._ends[:-1]
+        return list(zip(np.split(w, ends), np.split(values, ends), strict=True))
 
 
-def _steepest(
-    a: Array, best: Array, best_value: Array, norm: LoadNorm, enough: Array
-) -> tuple[Array, Array]:
+def _raised(a: Array, w: Array, norm: LoadNorm, enough: Array) -> tuple[Array, Array]:
     """Twists (J, 6) of greater values (J,) for wrenches (6, J, N), enough (J,) if it may be."""
-    rows, goal, w = np.arange(len(best)), enough, best / enough[:, None]
-    stiffness = np.full(len(rows), _SOFT)
+    best, best_value = w.copy(), np.empty(len(w))
+    for block in batches(len(w), max(_FEWEST, _CORNERS // a.shape[2])):
+        some = a[:, block], w[block], norm.take(block), enough[block]
+        best[block], best_value[block] = _raised_block(*some)
+    return best, best_value
+
+
+def _raised_block(a: Array, w: Array, norm: LoadNorm, enough: Array) -> tuple[Array, Array]:
+    best, rows, goal = w.copy(), np.arange(len(w)), enough
     heights = _paired(a, w)
+    best_value = heights.min(axis=1) / norm.of(w)
+    w, heights = w / enough[:, None], heights / enough[:, None]
+    stiffness = np.full(len(rows), _SOFT)
     for _ in range(_MOST_STEPS):
         metric = norm.squares(w) * (goal * goal)[:, None]
         new = _newton(a, heights, stiffness, metric)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints
+from drake_polygrasp.arrays import Array, Ints, batches
 from drake_polygrasp.certification.ranging_contacts import RangingContacts
 from drake_polygrasp.vectors import cross, dot
 
@@ -23,6 +23,8 @@ _DIGITS = 9
 _UNEVEN = 2e-6
 """Our choice: parts by which generators differ in length, so that no facet of a hull has more than
 six of them: four of one cone would span a flat one."""
+_CORNERS = 32768
+"""Our choice: how many corners are paired at once, for their arrays to fit a processor's cache."""
 _TIE = 10
 """Our choice: decimals of heights that are compared, for less is rounding."""
 
@@ -65,6 +67,11 @@ class SweptGenerators:
     def num_corners(self) -> int:
         """How many corners a contact's pieces have together."""
         return int(self._full.shape[2])
+
+    @property
+    def range_fully(self) -> bool:
+        """Whether wrenches are those all over the regions, not shrunk towards those in `middle`."""
+        return self._share == 1.0
 
     def __len__(self) -> int:
         """Counts generators."""
@@ -132,7 +139,11 @@ class SweptGenerators:
             w: twists, shape (J, 6).
             which: generators of each twist, shape (J, N).
         """
-        return np.asarray(np.einsum("kjnv,jk->jnv", self._corners[:, which], w).min(axis=-1))
+        heights = np.empty(which.shape)
+        for rows in batches(len(which), max(1, _CORNERS // (which.shape[1] * self.num_corners))):
+            corners = self._corners[:, which[rows]]
+            heights[rows] = np.einsum("kjnv,jk->jnv", corners, w[rows]).min(axis=-1)
+        return heights
 
     def heights_of_each(self, w: Array, which: Ints) -> Array:
         """Returns the least heights of some generators along each twist, shape (K, N).

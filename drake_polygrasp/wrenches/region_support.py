@@ -177,6 +177,10 @@ def least_tilted_support(
         h_i(w), shape (...), the points, from the centre of mass, divided by rho, shape (..., 3),
         and the normals, shape (..., 3).
     """
+    if r_V.shape[-2] == 1:
+        u = _velocities(w, r_V)[..., 0, :]
+        n = worst_normals(u, nhat, mu, tilt) if tilt > 0.0 else np.broadcast_to(nhat, u.shape)
+        return _support_at(u, n, mu), np.broadcast_to(r_V[..., 0, :], u.shape), n
     if tilt <= 0.0:
         h, places = least_support(w, r_V, nhat, mu)
         return h, places, np.broadcast_to(nhat, places.shape)

@@ -104,6 +104,17 @@ def test_no_tilted_normal_has_less_support_than_the_worst():
         assert (sampled - least <= 0.005 * (1 + mu) * np.linalg.norm(u, axis=1)).all()
 
 
+def test_a_point_with_a_normal_that_may_tilt_is_a_polygon_of_one_corner():
+    rng = np.random.default_rng(11)
+    corners, nhat = polygon(rng, 0.3)
+    w, point, mu = twists(rng, corners, nhat)[:, None], corners[:1], np.array([0.4])
+    for tilt in (0.0, 0.2):
+        alone = least_tilted_support(w, point[None], nhat[None], mu, tilt)
+        triple = least_tilted_support(w, np.tile(point, (3, 1))[None], nhat[None], mu, tilt)
+        for one, other in zip(alone, triple, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-12)
+
+
 def test_what_a_tilted_contact_supports_is_attained_and_is_less_than_upright():
     rng = np.random.default_rng(2)
     for mu in (0.1, 0.5, 1.0):
