@@ -8,6 +8,8 @@
 | contact_regions.py | finds one internal force for regions of contacts, and the largest discs |
 | region_task.py | a grasp and the errors under which its bounds are sought |
 | region_epsilon.py | bounds epsilon and the squeeze force for all placements in regions |
+| ceiling.py | bounds from above what a surface of facets may prove |
+| contest.py | ends searches for bounds of grasps that are not among the best |
 | side_by_side.py | runs searches of several grasps so that they share array work |
 | ranging_contacts.py | contacts that may be anywhere in their regions, and their friction cones |
 | swept_facets.py | raises what a surface of facets proves, by better facets |

@@ -9,18 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, batches, frozen
-from drake_polygrasp.certification.best_forces import BestForces
+from drake_polygrasp.certification.ceiling import Ceiling, Compare
+from drake_polygrasp.certification.contest import Contest, LostError
 from drake_polygrasp.certification.exact import MAX_TILT, narrowed_friction
 from drake_polygrasp.certification.load_norm import LoadNorm
 from drake_polygrasp.certification.ranging_contacts import HAIR, RangingContacts, ranging_contacts
 from drake_polygrasp.certification.region_task import RegionTask
 from drake_polygrasp.certification.robustness import GRAVITY
-from drake_polygrasp.certification.side_by_side import Search, result_of, run_side_by_side
+from drake_polygrasp.certification.side_by_side import Search, run_side_by_side
 from drake_polygrasp.certification.simplex_cycle import (
     encloses,
     first_hull,
@@ -140,19 +142,52 @@ def region_epsilons(tasks: Sequence[RegionTask]) -> list[RegionEpsilon]:
     Returns:
         The bounds of each.
     """
-    searches = [_bounds(task) for task in tasks]
+    found = greatest_epsilons(tasks, [-math.inf] * len(tasks), len(tasks))
+    return [bounds for bounds in found if bounds is not None]
+
+
+def greatest_epsilons(
+    tasks: Sequence[RegionTask], least: Sequence[float], wanted: int
+) -> list[RegionEpsilon | None]:
+    """Bounds what those grasps withstand whose lower bounds of epsilon are greatest.
+
+    Args:
+        tasks: the grasps and their errors.
+        least: what the lower bound of each must be at least; minus infinity for any.
+        wanted: how many grasps are asked for.
+
+    Returns:
+        The bounds of each, as `region_epsilon` finds them; None for grasps whose bound is below
+        `least`, or was found not to be among the best `wanted` before their search ended.
+    """
+    contest = Contest(wanted)
+    searches = [
+        _bounds_unless_lost(task, asked, partial(contest.enter, k, asked))
+        for k, (task, asked) in enumerate(zip(tasks, least, strict=True))
+    ]
     found = [run_side_by_side(searches[part]) for part in batches(len(tasks), _TOGETHER)]
     return list(chain.from_iterable(found))
 
 
-def _bounds(task: RegionTask) -> Search[RegionEpsilon]:
+def _bounds_unless_lost(
+    task: RegionTask, least: float, compare: Compare
+) -> Search[RegionEpsilon | None]:
+    """Bounds what a grasp withstands; None where that is too little."""
+    try:
+        bounds = yield from _bounds(task, compare)
+    except LostError:
+        return None
+    return bounds if bounds.epsilon_lower >= least else None
+
+
+def _bounds(task: RegionTask, compare: Compare) -> Search[RegionEpsilon]:
     """Bounds what a grasp withstands, with the proof."""
     problem, norms = _problem_of(task), [LoadNorm(task.com_error / task.rho)]
     if task.mass:
         norms.append(LoadNorm(task.com_error / task.rho, forces_only=True))
     outcomes = []
     for gap, refinement, shares in _ATTEMPTS:
-        outcome = yield from _attempt(problem, norms, gap, refinement, shares)
+        outcome = yield from _attempt(problem, norms, compare, gap, refinement, shares)
         outcomes.append(outcome)
         if not outcome.is_open:
             break
@@ -226,6 +261,7 @@ class _Outcome:
 def _attempt(
     problem: _Problem,
     norms: Sequence[LoadNorm],
+    compare: Compare,
     gap: float,
     refinement: Refinement,
     shares: Sequence[float],
@@ -242,8 +278,9 @@ def _attempt(
         facets, tried = unswept(simplices, w), [problem.start]
         proof = None
         if is_around:
-            ceiling = _Ceiling(generators, problem.served, norm)
-            yield from ceiling.lowered(problem.start)
+            heard = compare if norm is norms[0] else None
+            ceiling = Ceiling(generators, problem.served, norm, heard)
+            yield from ceiling.lowered(problem.start, 0.0)
             for share in shares:
                 generators.range_by(share)
                 facets = unswept(facets.simplices, facets.twists)
@@ -293,31 +330,6 @@ def _first_facets(generators: SweptGenerators, gap: float) -> tuple[Ints, Array]
             break
         hull = with_point(hull, generators.middle, len(generators) - 1)
     return hull.simplices, hull.twists()[0]
-
-
-class _Ceiling:
-    """What forces that serve all tilts may prove at most, by the twists that were tried."""
-
-    def __init__(
-        self, generators: SweptGenerators, served: Sequence[Placeable], norm: LoadNorm
-    ) -> None:
-        self._generators, self._norm = generators, norm
-        self._worst, self.bound = WorstPlacement(served, 0.0, norm), math.inf
-
-    @property
-    def w(self) -> Array:
-        """The twist along which they prove least."""
-        return self._worst.w
-
-    def lowered(self, w: Array) -> Search[float]:
-        """Finds the least bound with more twists."""
-        before = self._worst.bound
-        if not len(w):
-            return self.bound
-        if (yield from self._worst.lowered(w)) < before:
-            _, _, most = yield from result_of(BestForces(self._generators, self.w[None]))
-            self.bound = min(self.bound, float(most[0] / self._norm.of(self.w[None])[0]))
-        return self.bound
 
 
 def _proved(generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm) -> FacetProof | None:

@@ -106,7 +106,7 @@ def raised(
     generators: SweptGenerators,
     facets: SweptFacets,
     norm: LoadNorm,
-    upper: Callable[[Array], Search[float]],
+    upper: Callable[[Array, float], Search[float]],
     tolerance: float,
     refinement: Refinement,
 ) -> Search[SweptFacets]:
@@ -119,7 +119,8 @@ def raised(
         generators: to which are added.
         facets: a closed surface, with or without values.
         norm: what twists are measured in.
-        upper: given twists, shape (K, 6), or none, finds the least upper bound that is known.
+        upper: given twists, shape (K, 6), or none, and what facets with these prove, finds the
+            least upper bound that is known.
         tolerance: how far the lower bound may stay below the upper, over the upper.
         refinement: how many generators are added, and when to give up.
 
@@ -127,11 +128,11 @@ def raised(
         The best surface that was met.
     """
     best, last = facets, 0
-    bound = yield from upper(np.zeros((0, 6)))
+    bound = yield from upper(np.zeros((0, 6)), 0.0)
     goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
     for count in range(refinement.most_rounds + 1):
         facets = yield from _steepened(generators, facets, norm, goal)
-        bound = yield from upper(lowest_twists(facets))
+        bound = yield from upper(lowest_twists(facets), float(facets.values.min()))
         goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
         least = facets.values.min()
         if count == 0 or least > best.values.min():
