@@ -12,6 +12,7 @@
 | freed_memory.py | keeps memory that planning frees and needs again |
 | region_certificates.py | certifies the errors that a grasp bears |
 | region_proofs.py | states the proofs of bounds under errors |
+| error_levels.py | chooses the errors that grasps are stated to bear |
 | fallback.py | plans with less of the default errors, where too few grasps may bear them |
 | ranking.py | puts proved candidates in order and certifies the best |
 | plan.py | `plan_grasps` |

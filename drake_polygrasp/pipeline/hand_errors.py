@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
 from drake_polygrasp.hand_grasp import HandGrasp, HandTorque
 from drake_polygrasp.hands.hand_search import (
@@ -22,12 +20,8 @@ from drake_polygrasp.hands.hand_search import (
 )
 from drake_polygrasp.hands.scene import HandScene
 from drake_polygrasp.hands.squeeze import squeeze_remark
-from drake_polygrasp.pipeline.region_certificates import (
-    Errors,
-    bound_errors,
-    different_levels,
-    prove_errors,
-)
+from drake_polygrasp.pipeline.error_levels import bounded_levels, first_level
+from drake_polygrasp.pipeline.region_certificates import Errors
 
 
 def hand_grasp_under_errors(
@@ -38,7 +32,7 @@ def hand_grasp_under_errors(
     errors: Sequence[Errors],
     hold: HoldOptions,
 ) -> tuple[int, HandGrasp]:
-    """Returns a grasp that a hand holds with the greatest errors that it is proved to bear.
+    """Returns a grasp that a hand holds with the greatest errors that leave it enough.
 
     Args:
         object_: the object, with the friction of contacts.
@@ -53,16 +47,16 @@ def hand_grasp_under_errors(
         `region` asks for, where the hand's efforts allow that.
     """
     grasp = certified.grasp
-    for level in different_levels(errors, np.array(grasp.faces)):
-        if (proved := prove_errors(object_, grasp, errors[level])) is not None:
-            (region,) = bound_errors(object_, [(grasp, proved)])
-            certified = replace(certified, region=region)
-            load = hand_load(scene, certified, hold)
-            torque = posture_torque(scene, grasp, held.posture, load, hold.friction_share)
-            assert isinstance(torque, HandTorque)  # the loads are those that it holds already
-            held = held._replace(torque=torque)
-            return level, hand_grasp(scene, certified, held, hold.clearance)
-    return len(errors), hand_grasp(scene, certified, held, hold.clearance)
+    found = first_level(object_, [grasp], errors, range(len(errors)))
+    if found is None:
+        return len(errors), hand_grasp(scene, certified, held, hold.clearance)
+    (bounded,) = bounded_levels(object_, [found[1]], errors, 1)
+    certified = replace(certified, region=bounded.region)
+    load = hand_load(scene, certified, hold)
+    torque = posture_torque(scene, grasp, held.posture, load, hold.friction_share)
+    assert isinstance(torque, HandTorque)  # the loads are those that it holds already
+    held = held._replace(torque=torque)
+    return bounded.level, hand_grasp(scene, certified, held, hold.clearance)
 
 
 def weak_squeezes(object_: GraspObject, grasps: Sequence[HandGrasp]) -> tuple[str, ...]:

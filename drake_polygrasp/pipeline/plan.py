@@ -111,9 +111,10 @@ def plan_grasps(
     proves those that it bears. Ranking by epsilon, grasps that bear all errors come first, and the
     least epsilon under them counts. Default errors cost no grasp: where fewer than `top` are found
     that may bear them, narrow faces follow, on which contacts keep half of the inradius from edges,
-    and then grasps that are planned without errors. A grasp that is not proved to bear the default
-    errors is tried for half and a quarter. `region` is None where none are proved, and everywhere
-    if all four errors are 0 (`**NO_ERRORS`), which ranks by the epsilon of exact contacts.
+    and then grasps that are planned without errors. A grasp is tried for half and a quarter of the
+    default errors where it is not proved to bear them all or they leave less than a tenth of its
+    epsilon. `region` is None where none are proved, and everywhere if all four errors are 0
+    (`**NO_ERRORS`), which ranks by the epsilon of exact contacts.
 
     Args:
         object_: object to grasp, with the friction of its faces.

@@ -15,17 +15,11 @@ from drake_polygrasp.digits import on_grid, significant, to_decimals
 from drake_polygrasp.geometry.surface_contact import edge_distance
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Quality
 from drake_polygrasp.pipeline.candidates import KINDS, ProjectedCandidates
+from drake_polygrasp.pipeline.error_levels import ProvedLevel, bounded_levels, first_level
 from drake_polygrasp.pipeline.fallback import sets_held
 from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.judging import LEAST_RANKED, SETS_TRIED, SPARE
-from drake_polygrasp.pipeline.region_certificates import (
-    Errors,
-    ProvedErrors,
-    bound_errors,
-    different_levels,
-    least_epsilon,
-    prove_errors,
-)
+from drake_polygrasp.pipeline.region_certificates import Errors
 from drake_polygrasp.settings import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
@@ -98,8 +92,8 @@ def _bearing_errors(
 ) -> tuple[CertifiedGrasp, ...]:
     """Certifies the best sets with the errors that they bear.
 
-    By epsilon, grasps that bear all errors come first and those that bear none last, and among
-    equals the least epsilon under errors counts.
+    By epsilon, grasps come first that bear the greatest errors with enough epsilon left, and those
+    last that bear none; among equals the least epsilon under errors counts.
     """
     quick = judges[0].work.request.settings.effort == "quick"
     by_epsilon = rank == "epsilon"
@@ -113,12 +107,9 @@ def _bearing_errors(
         groups = _best_of_each_set(judge, rank, before)
         tried = groups[: SETS_TRIED * compared] if by_epsilon else groups[:compared]
         found += _first_bearing(judge, tried, errors, compared - len(found))
-    if by_epsilon:
-        found.sort(key=lambda each: each.level)  # stable
-    graded = list(zip(found, _certified_bearings(found[:compared]), strict=False))
-    if by_epsilon:
-        graded.sort(key=lambda pair: (pair[0].level, -least_epsilon(pair[1])))
-    else:
+    found = sorted(found, key=lambda each: each.held.level)[:compared]  # stable
+    graded = _certified_bearings(found, errors, top if by_epsilon else len(found))
+    if not by_epsilon:
         graded.sort(key=lambda pair: pair[0].ranked)
     return tuple(certified for _, certified in graded[:top])
 
@@ -129,25 +120,30 @@ class _Bearing:
 
     judge: Judge
     ranked: _Ranked
-    level: int
-    """Index of the errors, their number for none."""
-    proved: ProvedErrors | None
+    held: ProvedLevel
 
 
-def _certified_bearings(bearings: Sequence[_Bearing]) -> list[CertifiedGrasp]:
-    """Certifies candidates, with bounds of epsilon under the errors that each bears."""
-    grasps = [_certified(each.judge, [each.ranked.row], [None])[0] for each in bearings]
-    bearing = [
-        (k, certified.grasp, each.proved)
-        for k, (certified, each) in enumerate(zip(grasps, bearings, strict=True))
-        if each.proved is not None
+def _certified_bearings(
+    bearings: Sequence[_Bearing], errors: Sequence[Errors], wanted: int
+) -> list[tuple[_Bearing, CertifiedGrasp]]:
+    """Certifies the best candidates, with bounds under the errors that each bears, best first.
+
+    Those that bear none come last, by epsilon.
+    """
+    if not bearings:
+        return []
+    object_ = bearings[0].judge.work.request.object_
+    bounded = bounded_levels(object_, [each.held for each in bearings], errors, wanted)
+    graded = [(bearings[each.index], each.region) for each in bounded]
+    certified = [
+        (each, replace(certify_candidate(each.judge, each.ranked.row), region=region))
+        for each, region in graded
     ]
-    if bearing:
-        object_ = bearings[0].judge.work.request.object_
-        regions = bound_errors(object_, [(grasp, proved) for _, grasp, proved in bearing])
-        for (k, _, _), region in zip(bearing, regions, strict=True):
-            grasps[k] = replace(grasps[k], region=region)
-    return grasps
+    if len(certified) < wanted:
+        bare = [each for each in bearings if each.held.proved is None]
+        others = [(each, certify_candidate(each.judge, each.ranked.row)) for each in bare]
+        certified += sorted(others, key=lambda pair: -pair[1].certificate.epsilon_lower)
+    return certified
 
 
 def _best_of_each_set(
@@ -189,7 +185,7 @@ def _first_bearing(
         if len(found) == wanted:
             break
         bearing = _bearing(judge, entries, errors, range(1))
-        if bearing.proved:
+        if bearing.held.proved:
             found.append(bearing)
         else:
             others.append(entries)
@@ -208,13 +204,12 @@ def _bearing(
         errors: what they are tried for, greatest first.
         levels: indices of the errors that are tried; the greater ones were tried before.
     """
-    work, face = judge.work, judge.work.face[entries[0].row]
-    for level in (k for k in different_levels(errors, face) if k in levels):
-        for entry in entries:
-            proved = prove_errors(work.request.object_, _grasp(work, entry.row), errors[level])
-            if proved is not None:
-                return _Bearing(judge, entry, level, proved)
-    return _Bearing(judge, entries[0], len(errors), None)
+    grasps = [_grasp(judge.work, entry.row) for entry in entries]
+    found = first_level(judge.work.request.object_, grasps, errors, levels)
+    if found is None:
+        return _Bearing(judge, entries[0], ProvedLevel(grasps[0], len(errors), None))
+    index, held = found
+    return _Bearing(judge, entries[index], held)
 
 
 def _ranked_candidates(judge: Judge, rank: Rank) -> list[_Ranked]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ import numpy as np
 from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.contact_regions import CertifiedRegions, certify_regions
-from drake_polygrasp.certification.region_epsilon import region_epsilons
+from drake_polygrasp.certification.region_epsilon import RegionEpsilon, greatest_epsilons
 from drake_polygrasp.certification.region_task import RegionTask
 from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
@@ -157,7 +158,7 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
         proves all placements.
     """
     proved = prove_errors(object_, grasp, errors)
-    return None if proved is None else bound_errors(object_, [(grasp, proved)])[0]
+    return None if proved is None else bound_errors(object_, [(grasp, proved)], [-math.inf], 1)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,16 +210,22 @@ def prove_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> ProvedEr
 
 
 def bound_errors(
-    object_: GraspObject, grasps: Sequence[tuple[Grasp, ProvedErrors]]
-) -> list[RegionCertificate]:
+    object_: GraspObject,
+    grasps: Sequence[tuple[Grasp, ProvedErrors]],
+    least: Sequence[float],
+    wanted: int,
+) -> list[RegionCertificate | None]:
     """Bounds epsilon and squeeze force under errors that grasps bear.
 
     Args:
         object_: what is grasped.
         grasps: grasps of it, each with the errors and their proof.
+        least: what the lower bound of epsilon of each must be at least; minus infinity for any.
+        wanted: how many grasps are asked for, those of greatest lower bounds.
 
     Returns:
-        The certificate of each.
+        The certificate of each; None for those below `least`, and for some of those that are not
+        among the best `wanted`.
     """
     tasks = [
         RegionTask(
@@ -234,16 +241,20 @@ def bound_errors(
         for grasp, proved in grasps
     ]
     return [
-        RegionCertificate(
-            placement_error=proved.regions.placement_error,
-            tilt_error=proved.errors.tilt,
-            friction_error=proved.errors.friction,
-            com_error=proved.errors.com,
-            internal_force=proved.regions.internal_force,
-            pieces=proved.pieces,
-            epsilon_lower=bounds.epsilon_lower,
-            epsilon_upper=bounds.epsilon_upper,
-            squeeze_force=bounds.squeeze_force,
-        )
-        for (_, proved), bounds in zip(grasps, region_epsilons(tasks), strict=True)
+        None if bounds is None else _certificate(proved, bounds)
+        for (_, proved), bounds in zip(grasps, greatest_epsilons(tasks, least, wanted), strict=True)
     ]
+
+
+def _certificate(proved: ProvedErrors, bounds: RegionEpsilon) -> RegionCertificate:
+    return RegionCertificate(
+        placement_error=proved.regions.placement_error,
+        tilt_error=proved.errors.tilt,
+        friction_error=proved.errors.friction,
+        com_error=proved.errors.com,
+        internal_force=proved.regions.internal_force,
+        pieces=proved.pieces,
+        epsilon_lower=bounds.epsilon_lower,
+        epsilon_upper=bounds.epsilon_upper,
+        squeeze_force=bounds.squeeze_force,
+    )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
-from drake_polygrasp import GraspPlan, explain_sets, plan_grasps, save_grasps
+from drake_polygrasp import GraspPlan, certify_region, explain_sets, plan_grasps, save_grasps
 from drake_polygrasp.geometry.regions import erode, regions_at
 from drake_polygrasp.pipeline.fallback import make_requests
 from drake_polygrasp.settings import ERROR_NAMES, NO_ERRORS, PlanOptions
@@ -124,6 +124,35 @@ def test_grasps_that_bear_more_come_first(name: str) -> None:
             if c.region and shares[rank] == s
         ]
         assert least == sorted(least, reverse=True)
+
+
+@pytest.mark.parametrize("name", ["brick", "concave_mesh"])
+def test_default_errors_are_lessened_until_they_leave_a_tenth_of_epsilon(name: str) -> None:
+    object_, plan = model(name), default_plan(name)
+    asked = plan.settings
+    shares = []
+    for certified in plan.grasps:
+        region = certified.region
+        assert region is not None
+        own = region.com_error / asked.com_error
+        exact = certified.certificate.epsilon_lower
+        for k in (1.0, 0.5, 0.25):
+            # No face is narrow here, so all contacts may miss by as much.
+            bears = certify_region(
+                object_,
+                certified,
+                placement_error=k * asked.placement_error * (1 - 1e-9),
+                tilt_error=k * asked.tilt_error,
+                friction_error=k * asked.friction_error,
+                com_error=k * asked.com_error,
+            )
+            least = 0.0 if bears is None else bears.epsilon_lower or 0.0
+            if k > own + 1e-9:
+                assert least < 0.11 * exact
+            elif k == pytest.approx(own):
+                assert least >= 0.099 * exact
+        shares.append(round(own, 3))
+    assert {1.0, 0.5} <= {*shares}
 
 
 def test_given_errors_are_not_lessened() -> None:
