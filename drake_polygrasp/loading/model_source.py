@@ -36,6 +36,7 @@ class ModelFiles:
         additions: what each file of model directives adds.
         includes: the document that an SDF include or a directive refers to, by including document
             and URI.
+        warnings: what Drake leaves out of the model without a word, a sentence each, as keys.
     """
 
     model_file: Path
@@ -43,6 +44,7 @@ class ModelFiles:
     meshes: dict[Path, None] = field(default_factory=dict)
     additions: dict[Path, list[Addition]] = field(default_factory=dict)
     includes: dict[tuple[Path, str], Path] = field(default_factory=dict)
+    warnings: dict[str, None] = field(default_factory=dict)
 
     @property
     def sha256(self) -> str:
@@ -182,7 +184,7 @@ class _Reader:
         check_names(root, path)
         files.documents[path] = root
         if root.tag == "mujoco":
-            self._read_mjcf(root, folder, including)
+            self._read_mjcf(root, path, folder, including)
         elif root.tag == "robot":
             self._read_urdf(root, path, folder)
         else:
@@ -199,6 +201,11 @@ class _Reader:
             elif element.tag == "collision":
                 for mesh in element.findall("geometry/mesh"):
                     self._add_mesh(mesh.findtext("uri"), path, folder)
+                    if mesh.find("submesh") is not None:
+                        self.files.warnings[
+                            f"{path}: Drake reads no <submesh> and takes all of "
+                            f"{mesh.findtext('uri')}; write that part to a file of its own"
+                        ] = None
             elif element.tag == "link":
                 check_link(element, path, urdf=False)
 
@@ -235,9 +242,16 @@ class _Reader:
         except ModelError as error:
             raise type(error)(f"{path}: {error}") from error
 
-    def _read_mjcf(self, root: Element, folder: Path, including: tuple[Path, ...]) -> None:
+    def _read_mjcf(
+        self, root: Element, path: Path, folder: Path, including: tuple[Path, ...]
+    ) -> None:
         """Adds includes and meshes as Drake does: the last <compiler> says where meshes are."""
         self._splice_includes(root, folder, including)
+        if any(root.iter("replicate")):
+            self.files.warnings[
+                f"{path}: Drake reads no <replicate> and leaves out what it repeats; write the "
+                "copies out"
+            ] = None
         assets = folder
         for compiler in root.findall("compiler"):
             stated = compiler.get("meshdir", compiler.get("assetdir"))

@@ -40,7 +40,7 @@ class ParsedFiles(NamedTuple):
         files: the model file and all that it refers to.
         plant: the finalized plant.
         scene_graph: its scene graph.
-        warnings: what Drake logged.
+        warnings: what Drake logged, and what it left out.
     """
 
     files: ModelFiles
@@ -58,7 +58,7 @@ class ParsedModel(NamedTuple):
         scene_graph: its scene graph.
         context: the plant's default context: the model's default posture.
         group: the chosen rigid body.
-        warnings: what Drake logged.
+        warnings: what Drake logged, and what it left out.
     """
 
     files: ModelFiles
@@ -97,7 +97,7 @@ def parse_files(
         check_mesh_file(mesh)
     with collect_drake_log() as log, drake_errors_as_model_errors(files.model_file, log.errors):
         plant, scene_graph = _parse(files.model_file, package_map, scale)
-    return ParsedFiles(files, plant, scene_graph, tuple(log.merged()))
+    return ParsedFiles(files, plant, scene_graph, (*log.merged(), *files.warnings))
 
 
 def choose_body(parsed: ParsedFiles, body_name: str | None = None) -> ParsedModel:
@@ -214,11 +214,13 @@ def _choose_body(
         groups = [group for group in groups if any(body in group for body in named)]
     solid = [group for group in groups if any(_is_solid(plant, body) for body in group)]
     if not solid:
+        left_out = [warning for warning in warnings if "leaves out" in warning]
         ignored = [warning for warning in warnings if "ignor" in warning.lower()]
         raise ModelError(
             f"{model_file}: no collision geometry on {_quoted(bodies) or 'any body'}; "
             "a grasp needs a surface to touch, so add some (visual geometry does not count)"
             + (f"; Drake says: {drake_reason(ignored[0], model_file)}" if ignored else "")
+            + "".join(f"; {warning}" for warning in left_out)
         )
     chosen = [body for group in solid for body in group if body in bodies]
     if name is None:
