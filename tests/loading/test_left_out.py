@@ -30,7 +30,7 @@ def test_repeated_geoms_of_mjcf_are_missing_and_named(tmp_path: Path) -> None:
     assert "write the copies out" in told[0]
     assert not any("replicate" in w for w in load_object(tmp_path / "one.xml").warnings)
     write_all(tmp_path, {"none.xml": text.format(row)})
-    with pytest.raises(ModelError, match="no collision geometry on 'b'.*reads no <replicate>"):
+    with pytest.raises(ModelError, match=r"no collision geometry on 'b'.*reads no <replicate>"):
         load_object(tmp_path / "none.xml")
 
 
