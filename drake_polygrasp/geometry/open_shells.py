@@ -11,13 +11,13 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.geometry.triangles import unit_normals
-from drake_polygrasp.vectors import cross, dot
+from drake_polygrasp.vectors import cross, cross_first, dot
 
 _MAX_SAMPLES = 4
 """How many triangles of a shell are asked. Our choice."""
-_MAX_PAIRS = 50_000_000
-"""Most pairs of sample and triangle, our choice: some seconds."""
-_PAIRS_AT_ONCE = 1 << 18
+_MAX_PAIRS = 4_000_000
+"""Most pairs of sample and triangle, our choice: a second."""
+_PAIRS_AT_ONCE = 1 << 15
 _ROUNDING = 1e-9
 """Smaller winding numbers are rounding errors, our choice."""
 
@@ -59,12 +59,15 @@ def open_shells_inward(triangles: Array, shell: Ints) -> Bools:
 
 def _solid_angles(triangles: Array, samples: Ints) -> Array:
     """Returns the signed solid angle of all other triangles from the middle of each sample."""
-    corner = triangles[None] - triangles[samples].mean(axis=1)[:, None, None]
-    a, b, c = np.moveaxis(corner, 2, 0)
-    length_a, length_b, length_c = np.sqrt(np.stack([dot(x, x) for x in (a, b, c)]))
-    triple = dot(a, cross(b, c))
+    corners = np.ascontiguousarray(triangles.transpose(1, 2, 0))
+    middle = np.ascontiguousarray(triangles[samples].mean(axis=1).T)
+    a, b, c = (corner[:, None] - middle[:, :, None] for corner in corners)
+    length_a, length_b, length_c = (np.sqrt((x * x).sum(axis=0)) for x in (a, b, c))
+    triple = (a * cross_first(b, c)).sum(axis=0)
     rest = length_a * length_b * length_c
-    rest += dot(a, b) * length_c + dot(b, c) * length_a + dot(c, a) * length_b
+    rest += (a * b).sum(axis=0) * length_c
+    rest += (b * c).sum(axis=0) * length_a
+    rest += (c * a).sum(axis=0) * length_b
     angle = 2 * np.arctan2(triple, rest)
     angle[np.arange(len(samples)), samples] = 0.0
     return np.asarray(angle.sum(axis=1))
