@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import json
+import logging
 import os
 import re
 import shutil
@@ -180,6 +181,8 @@ def make_site(directory: Path) -> int:
             warningiserror=True,
         )
         app.build()
+    # The first use of matplotlib on a machine says that it lists the fonts, which is no warning.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     # pdoc's own index only leads to this page; the site has one.
     index = (directory / "reference" / "index.html").read_bytes()
     build(directory / "reference")
