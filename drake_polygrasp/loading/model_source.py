@@ -247,7 +247,7 @@ class _Reader:
     ) -> None:
         """Adds includes and meshes as Drake does: the last <compiler> says where meshes are."""
         self._splice_includes(root, folder, including)
-        if any(root.iter("replicate")):
+        if next(root.iter("replicate"), None) is not None:
             self.files.warnings[
                 f"{path}: Drake reads no <replicate> and leaves out what it repeats; write the "
                 "copies out"
