@@ -27,6 +27,7 @@ PAGES = {
         "paper",
         "pipeline",
         "plant",
+        "region_bounds",
         "search",
         "settings",
         "verification",

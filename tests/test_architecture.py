@@ -35,6 +35,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "paper": {"geometry", "grasp", "settings"},
     "search": {"geometry", "wrenches"},
     "certification": {"grasp", "wrenches"},
+    "region_bounds": {"certification", "grasp", "wrenches"},
     "loading": {"geometry", "grasp"},
     "plant": {"certification", "geometry", "grasp", "hand_grasp", "hands", "loading"},
     "files": {"geometry", "grasp", "hand_grasp", "settings", "wrenches"},
@@ -45,11 +46,11 @@ MAY_IMPORT: dict[str, set[str]] = {
     },
     "verification": {
         *("certification", "files", "geometry", "grasp", "hand_grasp", "hands", "loading"),
-        *("plant", "wrenches"),
+        *("plant", "region_bounds", "wrenches"),
     },
     "pipeline": {
         *("certification", "geometry", "grasp", "hand_grasp", "hands", "loading", "paper", "plant"),
-        *("search", "settings", "wrenches"),
+        *("region_bounds", "search", "settings", "wrenches"),
     },
     "optimality": {
         *("certification", "geometry", "grasp", "pipeline", "search", "wrenches"),

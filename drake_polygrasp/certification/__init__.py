@@ -6,20 +6,6 @@
 | convex.py | finds the internal forces and escaping twists that `exact` checks |
 | region_pieces.py | the pieces of regions, and their exact check |
 | contact_regions.py | finds one internal force for regions of contacts, and the largest discs |
-| region_task.py | a grasp and the errors under which its bounds are sought |
-| region_epsilon.py | bounds epsilon and the squeeze force for all placements in regions |
-| ceiling.py | bounds from above what a surface of facets may prove |
-| contest.py | ends searches for bounds of grasps that are not among the best |
-| side_by_side.py | runs searches of several grasps so that they share array work |
-| ranging_contacts.py | contacts that may be anywhere in their regions, and their friction cones |
-| swept_facets.py | raises what a surface of facets proves, by better facets |
-| steepest.py | finds a good twist for each facet |
-| load_norm.py | measures twists by the loads that are to be withstood |
-| swept_generators.py | forces that serve contacts all over their regions |
-| best_forces.py | finds the force that pairs most with a twist all over a region |
-| simplex_cycle.py | closed surfaces of simplices of wrenches: hulls, and what is made of them |
-| worst_placement.py | finds the placement in regions that withstands least |
-| region_proof.py | states proofs of bounds over regions as plain data |
 | exact_cycle.py | checks these proofs in exact arithmetic, with the standard library alone |
 | certify.py | proves grasps, and computes the certificates of those that are force closure |
 | robustness.py | bounds of epsilon, the tolerances and the squeeze force |

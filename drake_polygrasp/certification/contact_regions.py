@@ -17,8 +17,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.convex import find_internal_forces
 from drake_polygrasp.certification.exact import MAX_TILT, narrowed_friction
-from drake_polygrasp.certification.region_pieces import RegionPiece, check_pieces
-from drake_polygrasp.certification.worst_placement import padded
+from drake_polygrasp.certification.region_pieces import RegionPiece, check_pieces, padded
 from drake_polygrasp.digits import EXACT, at_most, on_grid, significant
 from drake_polygrasp.vectors import circle, cross, dot, times, unit
 from drake_polygrasp.wrenches.contacts import contact_frames

@@ -1,12 +1,17 @@
-"""Pieces of the surface around contacts, and their exact check."""
+"""Pieces of the surface around contacts, their corners as arrays, and their exact check."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.exact import Check, check_region
+
+_CORNERS = 4
+"""Our choice: polygons get a multiple of so many corners."""
 
 
 class RegionPiece(Protocol):
@@ -46,3 +51,16 @@ def check_pieces(
     """
     pieces = [[(s.p_BV.tolist(), s.nhat_TB_B.tolist(), s.tan_spread) for s in r] for r in regions]
     return check_region(pieces, mu.tolist(), x.tolist(), tilt_error, friction_error)
+
+
+def padded(corners: Sequence[Array]) -> Array:
+    """Returns polygons of as many corners, with their last ones repeated.
+
+    The number is a multiple of four, or one, so that different grasps often have as many.
+
+    Args:
+        corners: of each, shapes (V, 3).
+    """
+    most = max(map(len, corners))
+    most = most if most == 1 else -(-most // _CORNERS) * _CORNERS
+    return np.stack([c[np.minimum(np.arange(most), len(c) - 1)] for c in corners])

@@ -11,8 +11,6 @@ import numpy as np
 from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.contact_regions import CertifiedRegions, certify_regions
-from drake_polygrasp.certification.region_epsilon import RegionEpsilon, greatest_epsilons
-from drake_polygrasp.certification.region_task import RegionTask
 from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.placement_regions import placement_region
@@ -25,6 +23,8 @@ from drake_polygrasp.grasp import (
     RegionCertificate,
     grasp_of,
 )
+from drake_polygrasp.region_bounds.region_epsilon import RegionEpsilon, greatest_epsilons
+from drake_polygrasp.region_bounds.region_task import RegionTask
 from drake_polygrasp.settings import ERROR_NAMES, check_errors
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from drake_polygrasp.certification.region_epsilon import region_epsilons
-from drake_polygrasp.certification.region_proof import stated_proof
-from drake_polygrasp.certification.region_task import task_of
 from drake_polygrasp.grasp import CertifiedGrasp, GraspObject
+from drake_polygrasp.region_bounds.region_epsilon import region_epsilons
+from drake_polygrasp.region_bounds.region_proof import stated_proof
+from drake_polygrasp.region_bounds.region_task import task_of
 
 
 def region_proofs(object_: GraspObject, grasps: Sequence[CertifiedGrasp]) -> list[dict[str, Any]]:

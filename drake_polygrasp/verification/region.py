@@ -10,9 +10,7 @@ from pydrake.geometry.optimization import VPolytope
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
-from drake_polygrasp.certification.region_epsilon import RegionEpsilon, region_epsilons
 from drake_polygrasp.certification.region_pieces import check_pieces
-from drake_polygrasp.certification.region_task import BOUNDS_GAP, task_of
 from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
 from drake_polygrasp.geometry.placement_regions import placement_region
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -21,6 +19,8 @@ from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, LENGTH_TOLERANCE
 from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.grasp import RegionCertificate
+from drake_polygrasp.region_bounds.region_epsilon import RegionEpsilon, region_epsilons
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, task_of
 from drake_polygrasp.vectors import cross, dot, times
 
 _GAPS = (BOUNDS_GAP, 0.01)

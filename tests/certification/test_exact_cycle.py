@@ -13,10 +13,10 @@ import pytest
 
 from drake_polygrasp.certification import exact_cycle
 from drake_polygrasp.certification.exact_cycle import RefusedError, check_region_proof
-from drake_polygrasp.certification.region_epsilon import region_epsilon
-from drake_polygrasp.certification.region_proof import stated_proof
-from drake_polygrasp.certification.region_task import RegionTask
-from tests.certification.test_region_epsilon import grasps_that_hold, leaning_pieces, polygons
+from drake_polygrasp.region_bounds.region_epsilon import region_epsilon
+from drake_polygrasp.region_bounds.region_proof import stated_proof
+from drake_polygrasp.region_bounds.region_task import RegionTask
+from tests.region_bounds.test_region_epsilon import grasps_that_hold, leaning_pieces, polygons
 
 ERRORS = {"tilt_error": 0.05, "friction_error": 0.1, "com_error": 0.02}
 

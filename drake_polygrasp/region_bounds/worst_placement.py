@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.certification.load_norm import LoadNorm
-from drake_polygrasp.certification.region_pieces import RegionPiece
-from drake_polygrasp.certification.side_by_side import Search, Work, result_of
+from drake_polygrasp.certification.region_pieces import RegionPiece, padded
+from drake_polygrasp.region_bounds.load_norm import LoadNorm
+from drake_polygrasp.region_bounds.side_by_side import Search, Work, result_of
 from drake_polygrasp.vectors import cross, unit
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 from drake_polygrasp.wrenches.region_support import least_tilted_support, worst_centres_of_mass
@@ -27,8 +27,6 @@ _GAIN = 1e-3
 """Our choice, relative: a bound that falls by less is not followed further."""
 _DIGITS, _TIE = 9, 11
 """Our choice: decimals of twists, and of values that are compared: less is rounding."""
-_CORNERS = 4
-"""Our choice: polygons get a multiple of so many corners."""
 _NO_TORQUE = 1e-6
 """Our choice: divided by so little, torques are all but free."""
 
@@ -225,16 +223,3 @@ class WorstPlacement:
         k = int(np.round(value, _TIE).argmin())
         if value[k] < self.bound:
             self._worst = _Worst(float(value[k]), w[k], r[k], nhat[k], mu[k])
-
-
-def padded(corners: Sequence[Array]) -> Array:
-    """Returns polygons of as many corners, with their last ones repeated.
-
-    The number is a multiple of four, or one, so that different grasps often have as many.
-
-    Args:
-        corners: of each, shapes (V, 3).
-    """
-    most = max(map(len, corners))
-    most = most if most == 1 else -(-most // _CORNERS) * _CORNERS
-    return np.stack([c[np.minimum(np.arange(most), len(c) - 1)] for c in corners])

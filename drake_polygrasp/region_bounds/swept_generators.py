@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, batches
-from drake_polygrasp.certification.ranging_contacts import RangingContacts
+from drake_polygrasp.region_bounds.ranging_contacts import RangingContacts
 from drake_polygrasp.vectors import cross, dot
 
 _DIGITS = 9

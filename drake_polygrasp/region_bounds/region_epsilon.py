@@ -15,34 +15,34 @@ from itertools import chain
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, batches, frozen
-from drake_polygrasp.certification.ceiling import Ceiling, Compare
-from drake_polygrasp.certification.contest import Contest, LostError
 from drake_polygrasp.certification.exact import MAX_TILT, narrowed_friction
-from drake_polygrasp.certification.load_norm import LoadNorm
-from drake_polygrasp.certification.ranging_contacts import HAIR, RangingContacts, ranging_contacts
-from drake_polygrasp.certification.region_task import RegionTask
 from drake_polygrasp.certification.robustness import GRAVITY
-from drake_polygrasp.certification.side_by_side import Search, run_side_by_side
-from drake_polygrasp.certification.simplex_cycle import (
+from drake_polygrasp.digits import at_least, at_most
+from drake_polygrasp.region_bounds.ceiling import Ceiling, Compare
+from drake_polygrasp.region_bounds.contest import Contest, LostError
+from drake_polygrasp.region_bounds.load_norm import LoadNorm
+from drake_polygrasp.region_bounds.ranging_contacts import HAIR, RangingContacts, ranging_contacts
+from drake_polygrasp.region_bounds.region_task import RegionTask
+from drake_polygrasp.region_bounds.side_by_side import Search, run_side_by_side
+from drake_polygrasp.region_bounds.simplex_cycle import (
     encloses,
     first_hull,
     is_closed,
     with_point,
 )
-from drake_polygrasp.certification.swept_facets import (
+from drake_polygrasp.region_bounds.swept_facets import (
     Refinement,
     SweptFacets,
     lowest_twists,
     raised,
     unswept,
 )
-from drake_polygrasp.certification.swept_generators import SweptGenerators
-from drake_polygrasp.certification.worst_placement import (
+from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
+from drake_polygrasp.region_bounds.worst_placement import (
     Placeable,
     WorstPlacement,
     placeable,
 )
-from drake_polygrasp.digits import at_least, at_most
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
 _SQUEEZE_GAP = 0.1

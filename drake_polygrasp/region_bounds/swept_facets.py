@@ -15,18 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints
-from drake_polygrasp.certification.best_forces import BestForces
-from drake_polygrasp.certification.load_norm import LoadNorm
-from drake_polygrasp.certification.side_by_side import Search, result_of
-from drake_polygrasp.certification.simplex_cycle import (
+from drake_polygrasp.region_bounds.best_forces import BestForces
+from drake_polygrasp.region_bounds.load_norm import LoadNorm
+from drake_polygrasp.region_bounds.side_by_side import Search, result_of
+from drake_polygrasp.region_bounds.simplex_cycle import (
     MOST_POINTS,
     coned,
     connected,
     modulo_2,
     simplex_boundary,
 )
-from drake_polygrasp.certification.steepest import Steepen
-from drake_polygrasp.certification.swept_generators import SweptGenerators
+from drake_polygrasp.region_bounds.steepest import Steepen
+from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
 
 _OLD_GAIN = 0.7
 """Our choice: a generator that is there already is taken if it gains this share of the best."""

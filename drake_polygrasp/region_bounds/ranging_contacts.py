@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Batch, Ints
-from drake_polygrasp.certification.region_pieces import RegionPiece
-from drake_polygrasp.certification.worst_placement import padded
+from drake_polygrasp.certification.region_pieces import RegionPiece, padded
 from drake_polygrasp.vectors import circle, dot
 from drake_polygrasp.wrenches.contacts import contact_frames
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from drake_polygrasp.certification.region_epsilon import FacetProof, RegionProof
-from drake_polygrasp.certification.region_task import RegionTask
+from drake_polygrasp.region_bounds.region_epsilon import FacetProof, RegionProof
+from drake_polygrasp.region_bounds.region_task import RegionTask
 
 
 def stated_proof(proof: RegionProof, task: RegionTask) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, join_rows
-from drake_polygrasp.certification.side_by_side import Work
-from drake_polygrasp.certification.swept_generators import SweptGenerators
+from drake_polygrasp.region_bounds.side_by_side import Work
+from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
 from drake_polygrasp.vectors import cross_first
 
 _TURNS = 2.0 * np.pi * np.arange(24) / 24

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, batches
-from drake_polygrasp.certification.load_norm import LoadNorm
-from drake_polygrasp.certification.side_by_side import Work
-from drake_polygrasp.certification.simplex_cycle import solve_definite
-from drake_polygrasp.certification.swept_generators import SweptGenerators
+from drake_polygrasp.region_bounds.load_norm import LoadNorm
+from drake_polygrasp.region_bounds.side_by_side import Work
+from drake_polygrasp.region_bounds.simplex_cycle import solve_definite
+from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
 
 _SOFT, _STIFFER, _STIFF = 10.0, 30.0, 1e4
 """Our choice: the penalty at first, its factor where Newton's method is near, and the greatest."""

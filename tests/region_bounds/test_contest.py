@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from drake_polygrasp.certification.contest import Contest, LostError
-from drake_polygrasp.certification.region_epsilon import greatest_epsilons, region_epsilon
-from drake_polygrasp.certification.region_task import RegionTask
-from tests.certification.test_region_epsilon import grasps_that_hold, polygons
+from drake_polygrasp.region_bounds.contest import Contest, LostError
+from drake_polygrasp.region_bounds.region_epsilon import greatest_epsilons, region_epsilon
+from drake_polygrasp.region_bounds.region_task import RegionTask
+from tests.region_bounds.test_region_epsilon import grasps_that_hold, polygons
 
 
 def test_a_search_is_lost_to_as_many_better_ones_as_are_wanted() -> None:

@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.certification.best_forces import BestForces
-from drake_polygrasp.certification.load_norm import LoadNorm
-from drake_polygrasp.certification.side_by_side import Search, result_of
-from drake_polygrasp.certification.swept_generators import SweptGenerators
-from drake_polygrasp.certification.worst_placement import Placeable, WorstPlacement
+from drake_polygrasp.region_bounds.best_forces import BestForces
+from drake_polygrasp.region_bounds.load_norm import LoadNorm
+from drake_polygrasp.region_bounds.side_by_side import Search, result_of
+from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
+from drake_polygrasp.region_bounds.worst_placement import Placeable, WorstPlacement
 
 Compare: TypeAlias = Callable[[float, float], None]
 """Compares a lower bound, and what it may be at most, with those of other searches."""

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from drake_polygrasp.certification.contact_regions import DiscPolygon
-from drake_polygrasp.certification.region_epsilon import region_epsilon
-from drake_polygrasp.certification.region_task import RegionTask
 from drake_polygrasp.certification.robustness import epsilon_interval, squeeze_force
+from drake_polygrasp.region_bounds.region_epsilon import region_epsilon
+from drake_polygrasp.region_bounds.region_task import RegionTask
 from drake_polygrasp.vectors import unit
 from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
