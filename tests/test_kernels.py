@@ -23,7 +23,7 @@ DECIDING = sorted(
     {
         *(
             module
-            for room in ("geometry", "wrenches", "paper", "search", "pipeline")
+            for room in ("geometry", "wrenches", "paper", "search", "pipeline", "region_bounds")
             for module in PACKAGE.glob(f"{room}/*.py")
         ),
         *(PACKAGE / "certification" / f"{name}.py" for name in ("certify", "convex", "robustness")),

@@ -208,7 +208,8 @@ def _sides_apart(vertices: Array, corners: Ints, shell: Ints) -> tuple[Ints, Boo
     apart[rows[split]] = len(total) + side[split]
     is_apart[rows[split]] = True
     _, first_row, apart = np.unique(apart, return_index=True, return_inverse=True)
-    return np.argsort(np.argsort(first_row))[apart], is_apart
+    order = np.argsort(np.argsort(first_row, kind="stable"), kind="stable")
+    return order[apart], is_apart
 
 
 def faces_inward(triangles: Array, tolerance: float) -> tuple[Bools, Bools]:
