@@ -16,6 +16,7 @@ from drake_polygrasp.pipeline.region_certificates import (
     different_levels,
     prove_errors,
 )
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
 _LEAST_LEFT = 0.1
@@ -76,7 +77,11 @@ def first_level(
 
 
 def bounded_levels(
-    object_: GraspObject, grasps: Sequence[ProvedLevel], errors: Sequence[Errors], wanted: int
+    object_: GraspObject,
+    grasps: Sequence[ProvedLevel],
+    errors: Sequence[Errors],
+    wanted: int,
+    relative_gap: float = BOUNDS_GAP,
 ) -> list[BoundedLevel]:
     """Bounds epsilon of the best grasps under the greatest errors that leave them enough.
 
@@ -89,6 +94,7 @@ def bounded_levels(
         grasps: grasps of it, each with the greatest errors that it is proved to bear.
         errors: what may be borne, greatest first.
         wanted: how many grasps are asked for.
+        relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
 
     Returns:
         At most `wanted`, best first: those that have enough left, by the errors that they bear and
@@ -97,15 +103,20 @@ def bounded_levels(
     best: list[BoundedLevel] = []
     slight = {k: each for k, each in enumerate(grasps) if each.proved is not None}
     if len(errors) > 1:
-        best, slight = _leaving_enough(object_, slight, errors, wanted)
+        best, slight = _leaving_enough(object_, slight, errors, wanted, relative_gap)
     for level in range(len(errors)):
         tried = [(k, each) for k, each in slight.items() if each.level == level]
-        best += _bounded(object_, tried, np.full(len(tried), -np.inf), wanted - len(best))
+        least = np.full(len(tried), -np.inf)
+        best += _bounded(object_, tried, least, wanted - len(best), relative_gap)
     return best
 
 
 def _leaving_enough(
-    object_: GraspObject, grasps: dict[int, ProvedLevel], errors: Sequence[Errors], wanted: int
+    object_: GraspObject,
+    grasps: dict[int, ProvedLevel],
+    errors: Sequence[Errors],
+    wanted: int,
+    relative_gap: float,
 ) -> tuple[list[BoundedLevel], dict[int, ProvedLevel]]:
     """The best grasps under errors that leave them enough, and those for which none does."""
     best: list[BoundedLevel] = []
@@ -113,7 +124,7 @@ def _leaving_enough(
     for level in range(len(errors)):
         tried = [(k, each) for k, each in waiting if each.level == level]
         enough = _LEAST_LEFT * _exact_epsilons(object_, [each.grasp for _, each in tried])
-        found = _bounded(object_, tried, enough, wanted - len(best))
+        found = _bounded(object_, tried, enough, wanted - len(best), relative_gap)
         best += found
         if len(best) == wanted:
             break
@@ -135,13 +146,17 @@ def _exact_epsilons(object_: GraspObject, grasps: Sequence[Grasp]) -> Array:
 
 
 def _bounded(
-    object_: GraspObject, grasps: Sequence[tuple[int, ProvedLevel]], least: Array, wanted: int
+    object_: GraspObject,
+    grasps: Sequence[tuple[int, ProvedLevel]],
+    least: Array,
+    wanted: int,
+    relative_gap: float,
 ) -> list[BoundedLevel]:
     """Returns the best of those of at least the `least` epsilon, (N,), at most `wanted`."""
     if not grasps or wanted <= 0:
         return []
     asked = [(each.grasp, each.proved) for _, each in grasps if each.proved is not None]
-    regions = bound_errors(object_, asked, least.tolist(), wanted)
+    regions = bound_errors(object_, asked, least.tolist(), wanted, relative_gap)
     bounded = [
         BoundedLevel(k, each.level, region)
         for (k, each), region in zip(grasps, regions, strict=True)

@@ -138,8 +138,9 @@ def plan_grasps(
         effort: "full" searches longer if it finds fewer grasps than `top`: denser points, then sets
             of faces that it left out, up to 32,000 of them, or 300,000 while it has no grasp.
             "quick" searches few points without the paper's stages, so its grasps have no Q; if it
-            finds none, "full" follows. It is for "enriched" ranked by epsilon. "complete" evaluates
-            every set of faces, however long that takes.
+            finds none, "full" follows, and bounds of epsilon under errors may be 5 percent apart
+            instead of 2. It is for "enriched" ranked by epsilon. "complete" evaluates every set of
+            faces, however long that takes.
         placement_error: distance by which a contact may miss its place along its face, in any
             direction [m] (default: 0.02 L). Contacts keep at least this distance from edges.
         tilt_error: angle by which the true normal at a contact may tilt [rad], 0 to 1.5 (default: 5

@@ -20,9 +20,12 @@ from drake_polygrasp.pipeline.fallback import sets_held
 from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.judging import LEAST_RANKED, SETS_TRIED, SPARE
 from drake_polygrasp.pipeline.region_certificates import Errors
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP
 from drake_polygrasp.settings import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
+_QUICK_GAP = 0.05
+"""Our choice: how far apart the bounds under errors of quick plans may stay, over the upper one."""
 _TRIED_OF_A_SET = 3
 """Our choice: candidates of a set that are asked whether they bear errors, best first."""
 
@@ -108,7 +111,8 @@ def _bearing_errors(
         tried = groups[: SETS_TRIED * compared] if by_epsilon else groups[:compared]
         found += _first_bearing(judge, tried, errors, compared - len(found))
     found = sorted(found, key=lambda each: each.held.level)[:compared]  # stable
-    graded = _certified_bearings(found, errors, top if by_epsilon else len(found))
+    wanted, gap = top if by_epsilon else len(found), _QUICK_GAP if quick else BOUNDS_GAP
+    graded = _certified_bearings(found, errors, wanted, gap)
     if not by_epsilon:
         graded.sort(key=lambda pair: pair[0].ranked)
     return tuple(certified for _, certified in graded[:top])
@@ -124,7 +128,7 @@ class _Bearing:
 
 
 def _certified_bearings(
-    bearings: Sequence[_Bearing], errors: Sequence[Errors], wanted: int
+    bearings: Sequence[_Bearing], errors: Sequence[Errors], wanted: int, gap: float
 ) -> list[tuple[_Bearing, CertifiedGrasp]]:
     """Certifies the best candidates, with bounds under the errors that each bears, best first.
 
@@ -133,7 +137,7 @@ def _certified_bearings(
     if not bearings:
         return []
     object_ = bearings[0].judge.work.request.object_
-    bounded = bounded_levels(object_, [each.held for each in bearings], errors, wanted)
+    bounded = bounded_levels(object_, [each.held for each in bearings], errors, wanted, gap)
     graded = [(bearings[each.index], each.region) for each in bounded]
     certified = [
         (each, replace(certify_candidate(each.judge, each.ranked.row), region=region))

@@ -24,7 +24,7 @@ from drake_polygrasp.grasp import (
     grasp_of,
 )
 from drake_polygrasp.region_bounds.region_epsilon import RegionEpsilon, greatest_epsilons
-from drake_polygrasp.region_bounds.region_task import RegionTask
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, RegionTask
 from drake_polygrasp.settings import ERROR_NAMES, check_errors
 
 
@@ -214,6 +214,7 @@ def bound_errors(
     grasps: Sequence[tuple[Grasp, ProvedErrors]],
     least: Sequence[float],
     wanted: int,
+    relative_gap: float = BOUNDS_GAP,
 ) -> list[RegionCertificate | None]:
     """Bounds epsilon and squeeze force under errors that grasps bear.
 
@@ -222,6 +223,7 @@ def bound_errors(
         grasps: grasps of it, each with the errors and their proof.
         least: what the lower bound of epsilon of each must be at least; minus infinity for any.
         wanted: how many grasps are asked for, those of greatest lower bounds.
+        relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
 
     Returns:
         The certificate of each; None for those below `least`, and for some of those that are not
@@ -237,6 +239,7 @@ def bound_errors(
             proved.errors.tilt,
             proved.errors.friction,
             proved.errors.com,
+            relative_gap,
         )
         for grasp, proved in grasps
     ]

@@ -155,6 +155,28 @@ def test_default_errors_are_lessened_until_they_leave_a_tenth_of_epsilon(name: s
     assert {1.0, 0.5} <= {*shares}
 
 
+def test_quick_bounds_are_bounds_and_less_close() -> None:
+    object_ = model("two_materials")
+    (quick,) = plan_grasps(object_, effort="quick", top=1).grasps
+    region = quick.region
+    assert region is not None
+    close = certify_region(
+        object_,
+        quick,
+        placement_error=region.placement_error.max(),
+        tilt_error=region.tilt_error,
+        friction_error=region.friction_error,
+        com_error=region.com_error,
+    )
+    assert close is not None
+    least, most = close.epsilon_lower or 0.0, close.epsilon_upper or 0.0
+    assert region.epsilon_lower is not None and region.epsilon_upper is not None
+    assert region.epsilon_lower <= most and least <= region.epsilon_upper
+    # 2 and 5 percent are of what forces that serve all tilts may prove; the upper bound is of all.
+    assert region.epsilon_lower >= 0.9 * region.epsilon_upper
+    assert region.epsilon_upper - region.epsilon_lower > most - least
+
+
 def test_given_errors_are_not_lessened() -> None:
     plan = plan_grasps(model("concave_mesh"), placement_error=0.003)
     regions = [certified.region for certified in plan.grasps if certified.region]
