@@ -45,9 +45,6 @@ from drake_polygrasp.region_bounds.worst_placement import (
 )
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
-_SQUEEZE_GAP = 0.1
-"""Our choice: how far the squeeze force may be above the least that is known to be needed. Fingers
-squeeze harder than by a tenth more, and a closer bound takes as long as that of epsilon."""
 _GROWTH = (0.2, 0.5, 0.7, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97, 0.985, 1.0)
 _ATTEMPTS = (
     (0.02, Refinement(at_once=4, most_rounds=16, patience=3), (1.0,)),
@@ -211,7 +208,8 @@ class _Problem:
         possible: where contacts may be, with the friction that they may have.
         served: the same, with the friction that is left for forces that serve all tilts.
         tilt_error: of the normals in `possible` [rad].
-        relative_gap: how far apart the bounds may stay.
+        relative_gap: how far apart the bounds of epsilon may stay.
+        squeeze_gap: how far apart those of the squeeze force may stay.
     """
 
     contacts: RangingContacts
@@ -220,6 +218,7 @@ class _Problem:
     served: list[Placeable]
     tilt_error: float
     relative_gap: float
+    squeeze_gap: float
 
 
 def _problem_of(task: RegionTask) -> _Problem:
@@ -241,6 +240,7 @@ def _problem_of(task: RegionTask) -> _Problem:
         placeable(regions, narrowed.tolist(), *place),
         task.tilt_error,
         task.relative_gap,
+        task.squeeze_gap,
     )
 
 
@@ -274,7 +274,7 @@ def _attempt(
     proofs: list[FacetProof | None] = []
     is_open = False
     for norm in norms:
-        apart = max(problem.relative_gap, _SQUEEZE_GAP if norm.forces_only else 0.0)
+        apart = max(problem.relative_gap, problem.squeeze_gap if norm.forces_only else 0.0)
         facets, tried = unswept(simplices, w), [problem.start]
         proof = None
         if is_around:

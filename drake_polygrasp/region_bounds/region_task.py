@@ -11,6 +11,9 @@ from drake_polygrasp.grasp import Grasp, RegionCertificate
 
 BOUNDS_GAP = 0.02
 """Our choice: how far apart the bounds of epsilon may stay, over the upper one."""
+SQUEEZE_GAP = 0.1
+"""Our choice: how far the squeeze force may be above the least that is known to be needed. Fingers
+squeeze harder than by a tenth more, and a closer bound takes as long as that of epsilon."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,7 @@ class RegionTask:
         friction_error: share by which friction coefficients may be less.
         com_error: how far the centre of mass may be off [m].
         relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
+        squeeze_gap: how far the squeeze force may be above the least that is needed, relative.
     """
 
     regions: Sequence[Sequence[RegionPiece]]
@@ -39,16 +43,11 @@ class RegionTask:
     friction_error: float = 0.0
     com_error: float = 0.0
     relative_gap: float = BOUNDS_GAP
+    squeeze_gap: float = SQUEEZE_GAP
 
 
 def task_of(
-    region: RegionCertificate,
-    grasp: Grasp,
-    p_BBcm: Array,
-    rho: float,
-    mass: float | None,
-    *,
-    relative_gap: float = BOUNDS_GAP,
+    region: RegionCertificate, grasp: Grasp, p_BBcm: Array, rho: float, mass: float | None
 ) -> RegionTask:
     """Returns the task of a grasp with the errors that it is certified to bear.
 
@@ -58,7 +57,6 @@ def task_of(
         p_BBcm: centre of mass of the object [m], shape (3,).
         rho: greatest distance from the centre of mass to the surface [m].
         mass: of the object [kg]; None where it is unknown.
-        relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
     """
     errors = region.tilt_error, region.friction_error, region.com_error
-    return RegionTask(region.pieces, grasp.mu, p_BBcm, rho, mass, *errors, relative_gap)
+    return RegionTask(region.pieces, grasp.mu, p_BBcm, rho, mass, *errors)

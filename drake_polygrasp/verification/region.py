@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -20,12 +21,12 @@ from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, LENGTH_TOLERANC
 from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.region_bounds.region_epsilon import RegionEpsilon, region_epsilons
-from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, task_of
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, SQUEEZE_GAP, task_of
 from drake_polygrasp.vectors import cross, dot, times
 
-_GAPS = (BOUNDS_GAP, 0.01)
-"""Our choice: relative gaps of the bounds that are recomputed; where the usual ones do not bear a
-number out, closer ones may."""
+_GAPS = ((BOUNDS_GAP, SQUEEZE_GAP), (0.01, 0.02), (0.004, 0.004))
+"""Our choice: relative gaps to which epsilon and squeeze force are bounded. Where the usual ones do
+not bear a number out closer ones may, for versions differ in the bounds that they find."""
 _ROUNDING = 1e-6
 """Our choice, relative: what processors change in bounds of six digits."""
 _UPPER_SLACK = 0.1
@@ -77,14 +78,26 @@ def region_number_violations(
     violations: list[list[str]] = [[] for _ in grasps]
     left = [(k, region) for k, g in enumerate(grasps) if (region := g.region) and _states(region)]
     body = object_.p_BBcm, object_.rho, object_.mass
-    for relative_gap in _GAPS:
-        tasks = [
-            task_of(region, grasps[k].grasp, *body, relative_gap=relative_gap) for k, region in left
-        ]
+    known: dict[int, RegionEpsilon] = {}
+    for relative_gap, squeeze_gap in _GAPS:
+        usual = [task_of(region, grasps[k].grasp, *body) for k, region in left]
+        tasks = [replace(t, relative_gap=relative_gap, squeeze_gap=squeeze_gap) for t in usual]
         for (k, region), found in zip(left, region_epsilons(tasks), strict=True):
-            violations[k] = list(_bound_violations(region, found))
+            known[k] = _closest(known.get(k, found), found)
+            violations[k] = list(_bound_violations(region, known[k]))
         left = [(k, region) for k, region in left if violations[k]]
     return violations
+
+
+def _closest(one: RegionEpsilon, other: RegionEpsilon) -> RegionEpsilon:
+    """Returns the closest bounds of two searches; all of them are proved."""
+    squeezes = [s for s in (one.squeeze_force, other.squeeze_force) if s is not None]
+    return replace(
+        other,
+        epsilon_lower=max(one.epsilon_lower, other.epsilon_lower),
+        epsilon_upper=min(one.epsilon_upper, other.epsilon_upper),
+        squeeze_force=min(squeezes, default=None),
+    )
 
 
 def _states(region: RegionCertificate) -> bool:

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from drake_polygrasp import plan_grasps, save_grasps
+from drake_polygrasp.region_bounds.region_epsilon import region_epsilon
+from drake_polygrasp.region_bounds.region_task import task_of
 from drake_polygrasp.verification.report import GraspVerification, Status
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.grasp_files import Document, edit, write_box
 from tests.support.grasp_regions import GREATEST, box_region, in_pieces
+from tests.support.plant_scenes import model
 
 
 def verified(folder: Path, region: Document) -> GraspVerification:
@@ -86,3 +91,30 @@ def test_a_region_beyond_its_face_is_refused(tmp_path: Path) -> None:
     assert report.surface.status is Status.FAILED
     reason = report.surface.reason
     assert reason == "contact 1 may not miss by 0.001998 m: the fingertip may miss the body"
+
+
+def test_closer_bounds_than_a_plan_looks_for_hold_and_those_beyond_the_truth_do_not(
+    tmp_path: Path,
+) -> None:
+    """A file of a version that finds closer bounds is as true as one of this version."""
+    object_ = model("l_bracket")
+    plan = plan_grasps(object_, top=1)
+    (certified,) = plan.grasps
+    region = certified.region
+    assert region is not None and region.epsilon_lower and region.squeeze_force
+    task = task_of(region, certified.grasp, object_.p_BBcm, object_.rho, object_.mass)
+    close = region_epsilon(replace(task, relative_gap=0.004, squeeze_gap=0.004))
+    assert close.squeeze_force is not None
+    assert close.epsilon_lower > 1.005 * region.epsilon_lower
+    assert close.squeeze_force < 0.97 * region.squeeze_force
+
+    def numbers(epsilon_lower: float, squeeze_force: float) -> Status:
+        stated = replace(region, epsilon_lower=epsilon_lower, squeeze_force=squeeze_force)
+        file = tmp_path / "l_bracket.grasp.yaml"
+        save_grasps(file, object_, [replace(certified, region=stated)], plan.settings)
+        return verify_file(file).grasps[0].numbers.status
+
+    assert numbers(close.epsilon_lower, close.squeeze_force) is Status.RECOMPUTED
+    # The truth is within 0.4 percent of both.
+    assert numbers(1.01 * close.epsilon_lower, close.squeeze_force) is Status.FAILED
+    assert numbers(close.epsilon_lower, 0.99 * close.squeeze_force) is Status.FAILED
