@@ -30,8 +30,8 @@ _SPREAD = np.radians(0.75)
 _MOST_PIECES = 12
 """Our choice: greatest number of pieces, for bounds under errors take time in proportion; in wide
 regions on sharp curves the normals of a piece therefore differ by more than `_SPREAD`."""
-_ANGLE_DECIMALS = 6
-"""Our choice: of the directions [rad] in which regions are cut, so that they do not hang on last
+_DECIMALS = 6
+"""Our choice: of twice the directions in which regions are cut, so that these do not hang on last
 bits."""
 _ROUNDING = 1e-9
 """Our choice, added to tangents of angles: normals and corners are rounded to twelve digits."""
@@ -121,7 +121,10 @@ def _tiles(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> list[Array]:
     mixed, apart = turns[0, 1] + turns[1, 0], turns[0, 0] - turns[1, 1]
     if max(abs(mixed), abs(apart)) < 1e-6 * np.abs(turns).max():  # the same in all directions
         mixed = apart = 0.0
-    angle = round(0.5 * float(np.arctan2(mixed, apart)), _ANGLE_DECIMALS)
+    else:
+        # On a cylinder `mixed` is zero but for last bits, whose sign must not matter.
+        mixed, apart = np.round(np.array([mixed, apart]) / np.sqrt(mixed**2 + apart**2), _DECIMALS)
+    angle = 0.5 * float(np.arctan2(mixed + 0.0, apart + 0.0))
     c, s = round(math.cos(angle), 12), round(math.sin(angle), 12)
     along = np.array([[c, s], [-s, c]])
     x = times(q, along.T)

@@ -279,6 +279,27 @@ def test_on_curved_solids_pieces_hold_the_true_surface_and_its_normals(
     assert found >= 6
 
 
+@pytest.mark.parametrize("kind", ["cylinder", "capsule"])
+def test_last_bits_of_a_contact_do_not_turn_how_a_curve_is_cut(kind: str) -> None:
+    """A file rounds contacts and normals to twelve digits; the pieces are found again from it."""
+    solid_ = Primitive(kind, frozen(np.eye(3)), frozen(np.zeros(3)), frozen([0.033, 0.033, 0.05]))
+    polyhedron = build_polyhedron([curved_part(solid_, 0.5)])
+    face = next(k for k, each in enumerate(polyhedron.faces) if each.primitive is not None)
+    for angle in np.arange(0.0, 2 * np.pi, 0.05):
+        outward = np.array([np.cos(angle), np.sin(angle), 0.0])
+        contact = 0.033 * outward, -outward
+        exact, rounded = (
+            placement_region(polyhedron, *c, face, 0.004).pieces
+            for c in (contact, [x.round(12) for x in contact])
+        )
+        assert len(exact) == len(rounded) > 1
+        for piece in exact:
+            (same,) = (x for x in rounded if np.allclose(x.nhat_TB_B, piece.nhat_TB_B, atol=1e-9))
+            apart = np.abs(piece.p_BV[:, None] - same.p_BV[None]).max(axis=2).min(axis=1)
+            # Corners within 6 mm of the contact move by 1e-12 m and, as their frame turns, less.
+            assert apart.max() < 1e-11
+
+
 def test_a_finely_faceted_sphere_and_the_sphere_itself_turn_alike() -> None:
     r, radius = 0.004, 0.05
     sphere = Primitive("ellipsoid", frozen(np.eye(3)), frozen(np.zeros(3)), frozen([radius] * 3))
