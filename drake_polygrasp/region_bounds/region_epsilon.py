@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
+from typing import TypeAlias
 
 import numpy as np
 
@@ -38,20 +39,21 @@ from drake_polygrasp.region_bounds.swept_facets import (
     unswept,
 )
 from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
-from drake_polygrasp.region_bounds.worst_placement import (
-    Placeable,
-    WorstPlacement,
-    placeable,
-)
+from drake_polygrasp.region_bounds.worst_placement import Placeable, WorstPlacement, placeable
 from drake_polygrasp.wrenches.epsilon_bound import critical_directions
 
 _GROWTH = (0.2, 0.5, 0.7, 0.8, 0.85, 0.9, 0.925, 0.95, 0.97, 0.985, 1.0)
-_ATTEMPTS = (
-    (0.02, Refinement(at_once=4, most_rounds=16, patience=3), (1.0,)),
-    (0.05, Refinement(at_once=1, most_rounds=30, patience=7), _GROWTH),
+_Attempt: TypeAlias = tuple[float, Refinement, tuple[float, ...]]
+_WAYS: tuple[tuple[_Attempt, ...], ...] = (
+    ((0.02, Refinement(4, 16, 3), (1.0,)), (0.05, Refinement(1, 30, 7), _GROWTH)),
+    ((0.05, Refinement(2, 60, 12), (1.0,)),),
+    ((0.05, Refinement(1, 60, 12), (1.0,)),),
+    ((0.02, Refinement(4, 30, 6), (0.5, 0.8, 0.9, 1.0)),),
+    ((0.05, Refinement(1, 60, 12), _GROWTH),),
 )
 """Our choice: how near to its support a hull comes, over its own distance, how far its facets are
-refined, and the shares by which regions grow around their middles until these prove something."""
+refined (at once, most rounds, patience), and the shares by which regions grow around their middles;
+the next attempt of a way follows where one proves nothing."""
 _TOGETHER = 24
 """Our choice: grasps that are bounded side by side; more take more memory and little less time."""
 _MOST_CRITICAL = 12
@@ -183,7 +185,7 @@ def _bounds(task: RegionTask, compare: Compare) -> Search[RegionEpsilon]:
     if task.mass:
         norms.append(LoadNorm(task.com_error / task.rho, forces_only=True))
     outcomes = []
-    for gap, refinement, shares in _ATTEMPTS:
+    for gap, refinement, shares in problem.attempts:
         outcome = yield from _attempt(problem, norms, compare, gap, refinement, shares)
         outcomes.append(outcome)
         if not outcome.is_open:
@@ -210,6 +212,7 @@ class _Problem:
         tilt_error: of the normals in `possible` [rad].
         relative_gap: how far apart the bounds of epsilon may stay.
         squeeze_gap: how far apart those of the squeeze force may stay.
+        attempts: how they are sought, in turn while nothing is proved.
     """
 
     contacts: RangingContacts
@@ -219,6 +222,7 @@ class _Problem:
     tilt_error: float
     relative_gap: float
     squeeze_gap: float
+    attempts: Sequence[_Attempt]
 
 
 def _problem_of(task: RegionTask) -> _Problem:
@@ -241,6 +245,7 @@ def _problem_of(task: RegionTask) -> _Problem:
         task.tilt_error,
         task.relative_gap,
         task.squeeze_gap,
+        _WAYS[task.way],
     )
 
 

@@ -21,12 +21,15 @@ from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, LENGTH_TOLERANC
 from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.region_bounds.region_epsilon import RegionEpsilon, region_epsilons
-from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, SQUEEZE_GAP, task_of
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, NUM_WAYS, SQUEEZE_GAP, task_of
 from drake_polygrasp.vectors import cross, dot, times
 
-_GAPS = ((BOUNDS_GAP, SQUEEZE_GAP), (0.01, 0.02), (0.004, 0.004))
-"""Our choice: relative gaps to which epsilon and squeeze force are bounded. Where the usual ones do
-not bear a number out closer ones may, for versions differ in the bounds that they find."""
+_SEARCHES = (
+    *((BOUNDS_GAP, SQUEEZE_GAP, 0), (0.01, 0.02, 0)),
+    *((0.004, 0.004, way) for way in range(NUM_WAYS)),
+)
+"""Our choice: relative gaps to which epsilon and squeeze force are bounded, and the ways. Where the
+usual search does not bear a number out another may, for versions differ in the bounds they find."""
 _ROUNDING = 1e-6
 """Our choice, relative: what processors change in bounds of six digits."""
 _UPPER_SLACK = 0.1
@@ -79,9 +82,11 @@ def region_number_violations(
     left = [(k, region) for k, g in enumerate(grasps) if (region := g.region) and _states(region)]
     body = object_.p_BBcm, object_.rho, object_.mass
     known: dict[int, RegionEpsilon] = {}
-    for relative_gap, squeeze_gap in _GAPS:
+    for gap, squeeze_gap, way in _SEARCHES:
         usual = [task_of(region, grasps[k].grasp, *body) for k, region in left]
-        tasks = [replace(t, relative_gap=relative_gap, squeeze_gap=squeeze_gap) for t in usual]
+        tasks = [
+            replace(task, relative_gap=gap, squeeze_gap=squeeze_gap, way=way) for task in usual
+        ]
         for (k, region), found in zip(left, region_epsilons(tasks), strict=True):
             known[k] = _closest(known.get(k, found), found)
             violations[k] = list(_bound_violations(region, known[k]))
