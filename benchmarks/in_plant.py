@@ -13,9 +13,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from benchmarks.objects import models
 from drake_polygrasp import GraspPlan, PlantReport, certify_in_plant, load_object, plan_grasps
 
-MODELS = Path(__file__).parents[1] / "models"
 NAMES = ("exact", "convex", "geometry", "statics", "simulation")
 
 
@@ -27,15 +27,12 @@ def main() -> None:
     print(f"| model | {' | '.join(NAMES)} |")
     print("|---|" + "---|" * len(NAMES))
     asked, refused = 0, []
-    for folder in sorted(
-        path for path in MODELS.iterdir() if path.is_dir() and path.name != "hands"
-    ):
-        (model,) = (path for path in folder.iterdir() if path.suffix in {".sdf", ".urdf"})
+    for _, name, model, _ in models():
         reports = plant_reports(model, top)
-        print(f"| `{folder.name}` | {' | '.join(row(reports))} |", flush=True)
+        print(f"| `{name}` | {' | '.join(row(reports))} |", flush=True)
         asked += len(reports)
         refused += [
-            f"`{folder.name}`, grasp {rank}: {fault(report)}"
+            f"`{name}`, grasp {rank}: {fault(report)}"
             for rank, report in enumerate(reports, 1)
             if not report.holds
         ]

@@ -24,6 +24,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.objects import ROOT
+from benchmarks.objects import models as own_models
 from drake_polygrasp import GraspObject, load_object, obstacles_from_plant, plan_grasps
 from drake_polygrasp.settings import NO_ERRORS
 
@@ -33,7 +34,7 @@ _APART = 0.02
 
 def main() -> None:
     arguments = _arguments()
-    models = arguments.models or _own_models()
+    models = arguments.models or [subject.file for subject in own_models()]
     print("| model | faces | with errors [s] | slowest | without | slowest | grasps |")
     print("|---|---|---|---|---|---|---|")
     for model in models:
@@ -84,16 +85,6 @@ def cycles(
         plan = plan_grasps(object_, effort="quick", top=1, obstacles=obstacles, **options)
         if k:
             yield time.process_time() - start, len(plan.grasps)
-
-
-def _own_models() -> list[Path]:
-    return sorted(
-        path
-        for folder in (ROOT / "models").iterdir()
-        if folder.name != "hands"
-        for path in folder.glob("*.*")
-        if path.suffix in {".sdf", ".urdf"}
-    )
 
 
 def _arguments() -> argparse.Namespace:

@@ -13,7 +13,6 @@ from drake_polygrasp.pipeline.region_certificates import (
     Errors,
     ProvedErrors,
     bound_errors,
-    different_levels,
     prove_errors,
 )
 from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP
@@ -68,8 +67,10 @@ def first_level(
     Returns:
         The index of the first such grasp, and what it bears; None where none bears any.
     """
-    faces = np.array(grasps[0].faces)
-    for level in (k for k in different_levels(errors, faces) if k in levels):
+    on_faces = [asked.on(np.array(grasps[0].faces)) for asked in errors]
+    # On wide faces errors of narrow ones are the same.
+    different = [k for k, each in enumerate(on_faces) if each not in on_faces[:k]]
+    for level in (k for k in different if k in levels):
         for index, grasp in enumerate(grasps):
             if (proved := prove_errors(object_, grasp, errors[level])) is not None:
                 return index, ProvedLevel(grasp, level, proved)

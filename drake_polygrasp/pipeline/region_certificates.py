@@ -69,17 +69,6 @@ class Errors:
         )
 
 
-def different_levels(errors: Sequence[Errors], face: Ints) -> list[int]:
-    """Returns the indices of errors that differ on faces from all before them.
-
-    Args:
-        errors: what a grasp may be tried for; on wide faces errors of narrow ones are the same.
-        face: indices of the faces of its contacts, shape (3,).
-    """
-    on_faces = [asked.on(face) for asked in errors]
-    return [level for level, each in enumerate(on_faces) if each not in on_faces[:level]]
-
-
 def least_epsilon(grasp: CertifiedGrasp) -> float:
     """Returns the lower bound of epsilon under the errors that a grasp bears.
 

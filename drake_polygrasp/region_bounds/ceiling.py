@@ -64,5 +64,5 @@ class Ceiling:
             _, _, most = yield from result_of(BestForces(self._generators, self.w[None]))
             self.bound = min(self.bound, float(most[0] / self._norm.of(self.w[None])[0]))
         if self._compare is not None:
-            self._compare(least if self._generators.range_fully else 0.0, self.bound)
+            self._compare(least if self._generators.ranges_fully else 0.0, self.bound)
         return self.bound

@@ -28,7 +28,7 @@ class Contest:
 
         Args:
             search: its number.
-            least: what it is to prove; what it proves counts from there.
+            least: what it is to prove at least; less does not count against others.
             lower: a lower bound that it has proved.
             ceiling: what it may prove at most.
 

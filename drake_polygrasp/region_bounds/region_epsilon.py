@@ -25,12 +25,7 @@ from drake_polygrasp.region_bounds.load_norm import LoadNorm
 from drake_polygrasp.region_bounds.ranging_contacts import HAIR, RangingContacts, ranging_contacts
 from drake_polygrasp.region_bounds.region_task import RegionTask
 from drake_polygrasp.region_bounds.side_by_side import Search, run_side_by_side
-from drake_polygrasp.region_bounds.simplex_cycle import (
-    encloses,
-    first_hull,
-    is_closed,
-    with_point,
-)
+from drake_polygrasp.region_bounds.simplex_cycle import encloses, first_hull, is_closed, with_point
 from drake_polygrasp.region_bounds.swept_facets import (
     Refinement,
     SweptFacets,
@@ -54,6 +49,8 @@ _WAYS: tuple[tuple[_Attempt, ...], ...] = (
 """Our choice: how near to its support a hull comes, over its own distance, how far its facets are
 refined (at once, most rounds, patience), and the shares by which regions grow around their middles;
 the next attempt of a way follows where one proves nothing."""
+NUM_WAYS = len(_WAYS)
+"""How many ways there are to seek bounds. None finds the closest everywhere."""
 _TOGETHER = 24
 """Our choice: grasps that are bounded side by side; more take more memory and little less time."""
 _MOST_CRITICAL = 12

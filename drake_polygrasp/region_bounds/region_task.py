@@ -11,8 +11,6 @@ from drake_polygrasp.grasp import Grasp, RegionCertificate
 
 BOUNDS_GAP = 0.02
 """Our choice: how far apart the bounds of epsilon may stay, over the upper one."""
-NUM_WAYS = 5
-"""How many ways there are to seek bounds. None finds the closest everywhere."""
 SQUEEZE_GAP = 0.1
 """Our choice: how far the squeeze force may be above the least that is known to be needed. Fingers
 squeeze harder than by a tenth more, and a closer bound takes as long as that of epsilon."""
@@ -34,7 +32,8 @@ class RegionTask:
         com_error: how far the centre of mass may be off [m].
         relative_gap: how far apart the bounds of epsilon may stay, over the upper one.
         squeeze_gap: how far the squeeze force may be above the least that is needed, relative.
-        way: index of the way in which bounds are sought, below `NUM_WAYS`; the first is the usual.
+        way: index of the way in which bounds are sought, below `region_epsilon.NUM_WAYS`; 0 is the
+            usual one.
     """
 
     regions: Sequence[Sequence[RegionPiece]]

@@ -15,7 +15,7 @@ from drake_polygrasp.arrays import Array, Ints, batches
 from drake_polygrasp.region_bounds.load_norm import LoadNorm
 from drake_polygrasp.region_bounds.side_by_side import Work
 from drake_polygrasp.region_bounds.simplex_cycle import solve_definite
-from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
+from drake_polygrasp.region_bounds.swept_generators import CORNERS_AT_ONCE, SweptGenerators
 
 _SOFT, _STIFFER, _STIFF = 10.0, 30.0, 1e4
 """Our choice: the penalty at first, its factor where Newton's method is near, and the greatest."""
@@ -32,9 +32,8 @@ _DIGITS = 9
 _MOST_PASSES = 3
 """Our choice: how often corners are added. Of contacts with several pieces only that corner of each
 counts at first that is lowest along the twist to begin at; then those that turn out lower."""
-_CORNERS, _FEWEST = 32768, 32
-"""Our choice: how many corners of simplices are done at once, for their arrays to fit a processor's
-cache, but not of fewer simplices than these."""
+_FEWEST = 32
+"""Our choice: how many simplices are done at once at least, however many corners they have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +102,7 @@ class _Simplices:
 
     def __init__(self, works: Sequence[Steepen]) -> None:
         self._works, counts = works, [len(work.w) for work in works]
-        self._ends = np.cumsum(counts)
+        self._starts = np.cumsum([0, *counts])
         self._num_pieces = works[0].generators.pieces.shape[1]
         self.has_pieces = self._num_pieces > 1
         self.norm = LoadNorm.of_each([work.norm for work in works], counts)
@@ -111,46 +110,48 @@ class _Simplices:
 
     def wrenches(self, rows: Ints) -> Array:
         """Returns the wrenches at all corners of generators of simplices, ascending, (6, J, N)."""
-        first = np.searchsorted(rows, np.append(0, self._ends))
-        starts = np.append(0, self._ends)
+        first = np.searchsorted(rows, self._starts)
         parts = [
             work.generators.at_corners(work.simplices[rows[i:j] - start])
-            for work, i, j, start in zip(self._works, first, first[1:], starts, strict=False)
+            for work, i, j, start in zip(self._works, first, first[1:], self._starts, strict=False)
             if i < j
         ]
         return np.concatenate(parts, axis=1) if parts else np.zeros((6, 0, 6))
 
     def along(self, rows: Ints, w: Array) -> tuple[Array, Array]:
-        """Returns the values of simplices along twists, and the lowest corner of each piece.
+        """Returns the values of simplices along twists, and the lowest corners of several pieces.
 
         Args:
             rows: the simplices, ascending, shape (J,).
             w: a twist for each, shape (J, 6).
 
         Returns:
-            The values, shape (J,), and the wrenches of the corners, shape (6, J, 6 S).
+            The values, shape (J,), and the wrenches of the corners, one of each piece, shape
+            (6, J, 6 S); (6, J, 0) for contacts with a single piece.
         """
-        values, lowest = np.empty(len(rows)), np.empty((6, len(rows), 6 * self._num_pieces))
+        num = 6 * self._num_pieces if self.has_pieces else 0
+        values, lowest = np.empty(len(rows)), np.empty((6, len(rows), num))
         num_corners = 6 * self._works[0].generators.num_corners
-        for block in batches(len(rows), max(_FEWEST, _CORNERS // num_corners)):
+        for block in batches(len(rows), max(_FEWEST, CORNERS_AT_ONCE // num_corners)):
             a = self.wrenches(rows[block])
             heights = _paired(a, w[block])
             values[block] = heights.min(axis=1) / self.norm.take(rows[block]).of(w[block])
-            shape = a.shape[1], 6 * self._num_pieces, -1
-            at = heights.reshape(shape).argmin(axis=2)[None, :, :, None]
-            lowest[:, block] = np.take_along_axis(a.reshape(6, *shape), at, 3)[..., 0]
+            if self.has_pieces:
+                shape = a.shape[1], num, -1
+                at = heights.reshape(shape).argmin(axis=2)[None, :, :, None]
+                lowest[:, block] = np.take_along_axis(a.reshape(6, *shape), at, 3)[..., 0]
         return values, lowest
 
     def split(self, w: Array, values: Array) -> list[tuple[Array, Array]]:
         """Returns twists and values of all simplices as answers to the works."""
-        ends = self._ends[:-1]
+        ends = self._starts[1:-1]
         return list(zip(np.split(w, ends), np.split(values, ends), strict=True))
 
 
 def _raised(a: Array, w: Array, norm: LoadNorm, enough: Array) -> tuple[Array, Array]:
     """Twists (J, 6) of greater values (J,) for wrenches (6, J, N), enough (J,) if it may be."""
     best, best_value = w.copy(), np.empty(len(w))
-    for block in batches(len(w), max(_FEWEST, _CORNERS // a.shape[2])):
+    for block in batches(len(w), max(_FEWEST, CORNERS_AT_ONCE // a.shape[2])):
         some = a[:, block], w[block], norm.take(block), enough[block]
         best[block], best_value[block] = _raised_block(*some)
     return best, best_value

@@ -23,7 +23,7 @@ _DIGITS = 9
 _UNEVEN = 2e-6
 """Our choice: parts by which generators differ in length, so that no facet of a hull has more than
 six of them: four of one cone would span a flat one."""
-_CORNERS = 32768
+CORNERS_AT_ONCE = 32768
 """Our choice: how many corners are paired at once, for their arrays to fit a processor's cache."""
 _TIE = 10
 """Our choice: decimals of heights that are compared, for less is rounding."""
@@ -69,7 +69,7 @@ class SweptGenerators:
         return int(self._full.shape[2])
 
     @property
-    def range_fully(self) -> bool:
+    def ranges_fully(self) -> bool:
         """Whether wrenches are those all over the regions, not shrunk towards those in `middle`."""
         return self._share == 1.0
 
@@ -140,7 +140,7 @@ class SweptGenerators:
             which: generators of each twist, shape (J, N).
         """
         heights = np.empty(which.shape)
-        for rows in batches(len(which), max(1, _CORNERS // (which.shape[1] * self.num_corners))):
+        for rows in batches(len(which), CORNERS_AT_ONCE // (which.shape[1] * self.num_corners)):
             corners = self._corners[:, which[rows]]
             heights[rows] = np.einsum("kjnv,jk->jnv", corners, w[rows]).min(axis=-1)
         return heights

@@ -20,8 +20,8 @@ from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, LENGTH_TOLERANCE
 from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.grasp import RegionCertificate
-from drake_polygrasp.region_bounds.region_epsilon import RegionEpsilon, region_epsilons
-from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, NUM_WAYS, SQUEEZE_GAP, task_of
+from drake_polygrasp.region_bounds.region_epsilon import NUM_WAYS, RegionEpsilon, region_epsilons
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, SQUEEZE_GAP, task_of
 from drake_polygrasp.vectors import cross, dot, times
 
 _SEARCHES = (
@@ -82,10 +82,10 @@ def region_number_violations(
     left = [(k, region) for k, g in enumerate(grasps) if (region := g.region) and _states(region)]
     body = object_.p_BBcm, object_.rho, object_.mass
     known: dict[int, RegionEpsilon] = {}
+    usual = {k: task_of(region, grasps[k].grasp, *body) for k, region in left}
     for gap, squeeze_gap, way in _SEARCHES:
-        usual = [task_of(region, grasps[k].grasp, *body) for k, region in left]
         tasks = [
-            replace(task, relative_gap=gap, squeeze_gap=squeeze_gap, way=way) for task in usual
+            replace(usual[k], relative_gap=gap, squeeze_gap=squeeze_gap, way=way) for k, _ in left
         ]
         for (k, region), found in zip(left, region_epsilons(tasks), strict=True):
             known[k] = _closest(known.get(k, found), found)
