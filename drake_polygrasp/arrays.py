@@ -63,7 +63,8 @@ def batches(count: int, size: int) -> Iterator[slice]:
         count: number of rows.
         size: most rows in one slice; less than 1 counts as 1.
     """
-    for start in range(0, count, max(1, size)):
+    size = max(1, size)
+    for start in range(0, count, size):
         yield slice(start, min(start + size, count))
 
 

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from drake_polygrasp.arrays import Array, Batch, Ints, distinct_values, join_rows
+from drake_polygrasp.arrays import (
+    Array,
+    Batch,
+    Ints,
+    batches,
+    distinct_values,
+    join_rows,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,3 +56,8 @@ def test_joined_rows_follow_each_other() -> None:
 def test_distinct_values_are_numpy_s(axis: int | None) -> None:
     values = np.array([[2, 1, 2], [0, 1, 0], [2, 1, 2]])
     np.testing.assert_array_equal(distinct_values(values, axis), np.unique(values, axis=axis))
+
+
+@pytest.mark.parametrize(("size", "expected"), [(2, [[0, 1], [2]]), (0, [[0], [1], [2]])])
+def test_slices_hold_every_row_once_and_at_least_one_row_each(size, expected) -> None:
+    assert [list(range(3))[some] for some in batches(3, size)] == expected

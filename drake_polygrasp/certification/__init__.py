@@ -5,7 +5,9 @@
 | exact.py | checks proofs of force closure in exact arithmetic, with the standard library alone |
 | convex.py | finds the internal forces and escaping twists that `exact` checks |
 | region_pieces.py | the pieces of regions, and their exact check |
-| contact_regions.py | finds one internal force for regions of contacts, and the largest discs |
+| half_spaces.py | maximises the room that half-spaces leave to the internal forces of many grasps |
+| region_search.py | finds one internal force for regions of contacts |
+| contact_regions.py | certifies grasps for regions of contacts, and for the largest discs |
 | exact_cycle.py | checks these proofs in exact arithmetic, with the standard library alone |
 | certify.py | proves grasps, and computes the certificates of those that are force closure |
 | robustness.py | bounds of epsilon, the tolerances and the squeeze force |

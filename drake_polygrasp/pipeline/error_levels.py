@@ -53,28 +53,51 @@ class BoundedLevel:
     region: RegionCertificate
 
 
-def first_level(
-    object_: GraspObject, grasps: Sequence[Grasp], errors: Sequence[Errors], levels: range
-) -> tuple[int, ProvedLevel] | None:
-    """Finds the greatest errors that one of some grasps on the same faces is proved to bear.
+def first_levels(
+    object_: GraspObject,
+    groups: Sequence[Sequence[Grasp]],
+    errors: Sequence[Errors],
+    levels: range,
+) -> list[tuple[int, ProvedLevel] | None]:
+    """Finds the greatest errors that one of the grasps of each group is proved to bear.
 
     Args:
         object_: what is grasped.
-        grasps: the grasps, best first.
+        groups: grasps on the same faces, best first.
         errors: what may be borne, greatest first.
         levels: indices of the errors that are tried.
 
     Returns:
-        The index of the first such grasp, and what it bears; None where none bears any.
+        For each group the index of the first such grasp, and what it bears; None where none bears
+        any.
     """
+    found: list[tuple[int, ProvedLevel] | None] = [None] * len(groups)
+    tries = [_tries(grasps, errors, levels) for grasps in groups]
+    waiting = list(range(len(groups)))
+    # All groups take their first try together, those where it fails their second, and so on.
+    for turn in range(max(map(len, tries), default=0)):
+        waiting = [k for k in waiting if found[k] is None and turn < len(tries[k])]
+        chosen = [tries[k][turn] for k in waiting]
+        pairs = [
+            (groups[k][index], errors[level])
+            for k, (level, index) in zip(waiting, chosen, strict=True)
+        ]
+        for k, (level, index), proved in zip(
+            waiting, chosen, prove_errors(object_, pairs), strict=True
+        ):
+            if proved is not None:
+                found[k] = index, ProvedLevel(groups[k][index], level, proved)
+    return found
+
+
+def _tries(
+    grasps: Sequence[Grasp], errors: Sequence[Errors], levels: range
+) -> list[tuple[int, int]]:
+    """Returns levels of errors and indices of grasps on the same faces in the order of trying."""
     on_faces = [asked.on(np.array(grasps[0].faces)) for asked in errors]
     # On wide faces errors of narrow ones are the same.
     different = [k for k, each in enumerate(on_faces) if each not in on_faces[:k]]
-    for level in (k for k in different if k in levels):
-        for index, grasp in enumerate(grasps):
-            if (proved := prove_errors(object_, grasp, errors[level])) is not None:
-                return index, ProvedLevel(grasp, level, proved)
-    return None
+    return [(k, index) for k in different if k in levels for index in range(len(grasps))]
 
 
 def bounded_levels(
@@ -131,9 +154,11 @@ def _leaving_enough(
             break
         held = {bounded.index for bounded in found}
         slight = {k: each for k, each in slight.items() if k not in held}
-        for k, each in ((k, each) for k, each in tried if k not in held):
-            less = first_level(object_, [each.grasp], errors, range(level + 1, len(errors)))
-            waiting += [(k, less[1])] if less else []
+        rest = [(k, each.grasp) for k, each in tried if k not in held]
+        less = first_levels(
+            object_, [[grasp] for _, grasp in rest], errors, range(level + 1, len(errors))
+        )
+        waiting += [(k, each[1]) for (k, _), each in zip(rest, less, strict=True) if each]
     return best, slight
 
 

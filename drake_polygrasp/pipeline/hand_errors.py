@@ -20,7 +20,7 @@ from drake_polygrasp.hands.hand_search import (
 )
 from drake_polygrasp.hands.scene import HandScene
 from drake_polygrasp.hands.squeeze import squeeze_remark
-from drake_polygrasp.pipeline.error_levels import bounded_levels, first_level
+from drake_polygrasp.pipeline.error_levels import bounded_levels, first_levels
 from drake_polygrasp.pipeline.region_certificates import Errors
 
 
@@ -47,7 +47,7 @@ def hand_grasp_under_errors(
         `region` asks for, where the hand's efforts allow that.
     """
     grasp = certified.grasp
-    found = first_level(object_, [grasp], errors, range(len(errors)))
+    (found,) = first_levels(object_, [[grasp]], errors, range(len(errors)))
     if found is None:
         return len(errors), hand_grasp(scene, certified, held, hold.clearance)
     (bounded,) = bounded_levels(object_, [found[1]], errors, 1)

@@ -229,7 +229,7 @@ def _make_grasps(
     report(0, wanted)
     for index, held in search.run(budget):
         num_held += 1
-        if given is not None and prove_errors(object_, found.grasp(index), given) is None:
+        if given is not None and prove_errors(object_, [(found.grasp(index), given)]) == [None]:
             others.append((index, held))
             continue
         made.append((index, held))

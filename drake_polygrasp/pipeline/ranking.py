@@ -15,7 +15,7 @@ from drake_polygrasp.digits import on_grid, significant, to_decimals
 from drake_polygrasp.geometry.surface_contact import edge_distance
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Quality
 from drake_polygrasp.pipeline.candidates import KINDS, ProjectedCandidates
-from drake_polygrasp.pipeline.error_levels import ProvedLevel, bounded_levels, first_level
+from drake_polygrasp.pipeline.error_levels import ProvedLevel, bounded_levels, first_levels
 from drake_polygrasp.pipeline.fallback import sets_held
 from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.judging import LEAST_RANKED, SETS_TRIED, SPARE
@@ -185,35 +185,37 @@ def _first_bearing(
     """
     found: list[_Bearing] = []
     others: list[list[_Ranked]] = []
-    for entries in groups:
-        if len(found) == wanted:
-            break
-        bearing = _bearing(judge, entries, errors, range(1))
-        if bearing.held.proved:
-            found.append(bearing)
-        else:
-            others.append(entries)
+    tried = 0
+    while tried < len(groups) and len(found) < wanted:
+        some = groups[tried : tried + wanted - len(found)]
+        tried += len(some)
+        for entries, bearing in zip(some, _bearings(judge, some, errors, range(1)), strict=True):
+            if bearing.held.proved:
+                found.append(bearing)
+            else:
+                others.append(entries)
     less = range(1, len(errors))
-    return found + [_bearing(judge, e, errors, less) for e in others[: wanted - len(found)]]
+    return found + _bearings(judge, others[: wanted - len(found)], errors, less)
 
 
-def _bearing(
-    judge: Judge, entries: list[_Ranked], errors: Sequence[Errors], levels: range
-) -> _Bearing:
-    """Finds the first of some candidates of a set that bears the greatest errors.
+def _bearings(
+    judge: Judge, groups: list[list[_Ranked]], errors: Sequence[Errors], levels: range
+) -> list[_Bearing]:
+    """Finds the first candidate of each set that bears the greatest errors.
 
     Args:
         judge: the candidates and their proofs.
-        entries: candidates of one set, best first.
+        groups: candidates of each set, best first.
         errors: what they are tried for, greatest first.
         levels: indices of the errors that are tried; the greater ones were tried before.
     """
-    grasps = [_grasp(judge.work, entry.row) for entry in entries]
-    found = first_level(judge.work.request.object_, grasps, errors, levels)
-    if found is None:
-        return _Bearing(judge, entries[0], ProvedLevel(grasps[0], len(errors), None))
-    index, held = found
-    return _Bearing(judge, entries[index], held)
+    grasps = [[_grasp(judge.work, entry.row) for entry in entries] for entries in groups]
+    none = len(errors)
+    bearings = []
+    for k, found in enumerate(first_levels(judge.work.request.object_, grasps, errors, levels)):
+        index, held = found or (0, ProvedLevel(grasps[k][0], none, None))
+        bearings.append(_Bearing(judge, groups[k][index], held))
+    return bearings
 
 
 def _ranked_candidates(judge: Judge, rank: Rank) -> list[_Ranked]:

@@ -11,9 +11,11 @@ import numpy as np
 from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.contact_regions import CertifiedRegions, certify_regions
+from drake_polygrasp.certification.region_search import RegionClaim
 from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.placement_regions import placement_region
+from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 from drake_polygrasp.grasp import (
     AnyGrasp,
@@ -146,7 +148,7 @@ def certify_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> Region
         The certificate; None where contacts may touch what they must not, or no internal force
         proves all placements.
     """
-    proved = prove_errors(object_, grasp, errors)
+    (proved,) = prove_errors(object_, [(grasp, errors)])
     return None if proved is None else bound_errors(object_, [(grasp, proved)], [-math.inf], 1)[0]
 
 
@@ -165,37 +167,52 @@ class ProvedErrors:
     regions: CertifiedRegions
 
 
-def prove_errors(object_: GraspObject, grasp: Grasp, errors: Errors) -> ProvedErrors | None:
-    """Proves that a grasp stays force closure under errors.
+def prove_errors(
+    object_: GraspObject, grasps: Sequence[tuple[Grasp, Errors]]
+) -> list[ProvedErrors | None]:
+    """Proves that grasps stay force closure under errors.
 
     Args:
         object_: what is grasped.
-        grasp: three contacts on its surface.
-        errors: what may happen at once.
+        grasps: three contacts on its surface each, and what may happen at once.
 
     Returns:
-        The proof; None where contacts may touch what they must not, or no internal force proves all
-        placements.
+        The proof of each; None where contacts may touch what they must not, or no internal force
+        proves all placements.
     """
-    radii = [at_most(r) for r in errors.placement[list(grasp.faces)].tolist()]
+    held, claims = [], []
+    for index, (grasp, errors) in enumerate(grasps):
+        radii = [at_most(r) for r in errors.placement[list(grasp.faces)].tolist()]
+        pieces = _pieces(object_.polyhedron, grasp, radii)
+        if pieces is None:
+            continue
+        contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
+        held.append((index, pieces))
+        claims.append(RegionClaim(*contacts, pieces, np.array(radii), errors.tilt, errors.friction))
+    proved: list[ProvedErrors | None] = [None] * len(grasps)
+    for (index, pieces), regions in zip(held, certify_regions(claims), strict=True):
+        if regions is not None:
+            proved[index] = ProvedErrors(grasps[index][1], pieces, regions)
+    return proved
+
+
+def _pieces(
+    polyhedron: Polyhedron, grasp: Grasp, radii: Sequence[float]
+) -> tuple[tuple[SurfacePiece, ...], ...] | None:
+    """Returns the surface that each contact may touch; None where one may touch what it must not.
+
+    Args:
+        polyhedron: the body.
+        grasp: three contacts on it.
+        radii: distance by which each may be off [m].
+    """
     pieces = []
-    for p_BC, nhat_TB_B, face, radius in zip(
-        grasp.p_BC, grasp.nhat_TB_B, grasp.faces, radii, strict=True
-    ):
-        region = placement_region(object_.polyhedron, p_BC, nhat_TB_B, face, radius)
+    for contact in zip(grasp.p_BC, grasp.nhat_TB_B, grasp.faces, radii, strict=True):
+        region = placement_region(polyhedron, *contact)
         if not region.pieces:
             return None
         pieces.append(region.pieces)
-    regions = certify_regions(
-        grasp.p_BC,
-        grasp.nhat_TB_B,
-        grasp.mu,
-        pieces,
-        placement_error=np.array(radii),
-        tilt_error=errors.tilt,
-        friction_error=errors.friction,
-    )
-    return None if regions is None else ProvedErrors(errors, tuple(pieces), regions)
+    return tuple(pieces)
 
 
 def bound_errors(

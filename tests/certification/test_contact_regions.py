@@ -12,6 +12,7 @@ from drake_polygrasp.certification.contact_regions import (
     largest_certified_radius,
 )
 from drake_polygrasp.certification.exact import check_region, contains_disc
+from drake_polygrasp.certification.region_search import RegionClaim, find_common_forces
 from drake_polygrasp.wrenches.contacts import force_closure
 from tests.support.common import box_grasp, prism_grasp, random_contacts, random_rotations
 
@@ -151,11 +152,31 @@ def test_regions_of_many_pieces_and_curved_ones_are_proved_with_one_force(lean, 
     regions = [
         pieces_about(p, n, 0.05, 8, lean, spread) for p, n in zip(*contacts[:2], strict=True)
     ]
-    found = certify_regions(
-        *contacts, regions, placement_error=np.full(3, 0.03), tilt_error=0.05, friction_error=0.1
-    )
+    (found,) = certify_regions([RegionClaim(*contacts, regions, np.full(3, 0.03), 0.05, 0.1)])
     assert (found is not None) is holds
     assert found is None or is_proved(found, grasp.mu)
+
+
+@pytest.mark.parametrize("as_scale", [False, True])
+def test_grasps_searched_together_get_what_each_gets_alone(as_scale):
+    rng = np.random.default_rng(3)
+    claims = []
+    for p, n, mu in zip(*random_contacts(60, seed=5, mu=(0.5, 1.0)), strict=True):
+        sizes = rng.choice([1, 1, 1, 2, 9], 3)
+        regions = [
+            pieces_about(p_i, n_i, 0.03, size, 0.02, 0.01)
+            for p_i, n_i, size in zip(p, n, sizes, strict=True)
+        ]
+        errors = rng.choice([0.0, 0.05, 2.0], p=[0.4, 0.5, 0.1]), rng.choice([0.0, 0.2])
+        claims.append(RegionClaim(p, n, mu, regions, np.full(3, 0.02), *errors))
+    alone = [find_common_forces([claim], as_scale=as_scale)[0] for claim in claims]
+    assert 5 < sum(found is not None for found in alone) < 40
+    for found, expected in zip(find_common_forces(claims, as_scale=as_scale), alone, strict=True):
+        assert (found is None) == (expected is None)
+        if found is not None and expected is not None:
+            assert found[0].tolist() == expected[0].tolist()
+            assert found[1] == expected[1]
+    assert find_common_forces([], as_scale=as_scale) == []
 
 
 def test_errors_that_leave_no_friction_have_no_certificate():
