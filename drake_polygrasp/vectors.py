@@ -29,6 +29,20 @@ def dot(a: Array, b: Array) -> Array:
     return product
 
 
+def dot_first(a: Array, b: Array) -> Array:
+    """Returns scalar products over the first axis, each the same whatever others there are.
+
+    Args:
+        a: vectors, shape (3, ...).
+        b: vectors; shapes broadcast.
+
+    Returns:
+        The products, shape (...).
+    """
+    product: Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return product
+
+
 def circle(angles: npt.NDArray[np.floating[Any]]) -> Array:
     """Returns points of the unit circle, rounded to fourteen decimals.
 
@@ -142,5 +156,19 @@ def unit(vectors: Array) -> Array:
         The unit vectors, same shape.
     """
     length = np.sqrt(dot(vectors, vectors))[..., None]
+    directions: Array = vectors / np.where(length > 0, length, 1.0)
+    return directions
+
+
+def unit_first(vectors: Array) -> Array:
+    """Returns vectors over the first axis divided by their lengths; zero stays zero.
+
+    Args:
+        vectors: vectors, shape (3, ...).
+
+    Returns:
+        The unit vectors, same shape.
+    """
+    length = np.sqrt(dot_first(vectors, vectors))
     directions: Array = vectors / np.where(length > 0, length, 1.0)
     return directions

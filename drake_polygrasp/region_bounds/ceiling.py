@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TypeAlias
 
 from drake_polygrasp.arrays import Array
@@ -27,7 +27,7 @@ class Ceiling:
     def __init__(
         self,
         generators: SweptGenerators,
-        served: Sequence[Placeable],
+        served: Placeable,
         norm: LoadNorm,
         compare: Compare | None,
     ) -> None:

@@ -214,8 +214,8 @@ class _Problem:
 
     contacts: RangingContacts
     start: Array
-    possible: list[Placeable]
-    served: list[Placeable]
+    possible: Placeable
+    served: Placeable
     tilt_error: float
     relative_gap: float
     squeeze_gap: float
@@ -234,11 +234,12 @@ def _problem_of(task: RegionTask) -> _Problem:
     place, tilt = (task.p_BBcm, task.rho), task.tilt_error if is_within else MAX_TILT
     contacts = ranging_contacts(regions, narrowed, tilt, *place)
     least = (1.0 - task.friction_error) * task.mu[contacts.contact]
+    possible = placeable(regions, least, *place)
     return _Problem(
         contacts,
         _critical(contacts),
-        placeable(regions, least.tolist(), *place),
-        placeable(regions, narrowed.tolist(), *place),
+        possible,
+        possible.with_friction(narrowed),
         task.tilt_error,
         task.relative_gap,
         task.squeeze_gap,

@@ -21,6 +21,10 @@ class Work(ABC, Generic[T]):
         """Returns what tells whether work can be done together: it can if kinds are equal."""
         return None
 
+    def may_wait(self) -> bool:
+        """Returns whether work of other kinds goes first, so that more of this is done together."""
+        return False
+
     @classmethod
     @abstractmethod
     def together(cls, works: Sequence[Self]) -> list[T]:
@@ -54,6 +58,8 @@ def result_of(work: Work[T]) -> Search[T]:
 def run_side_by_side(searches: Sequence[Search[T]]) -> list[T]:
     """Runs searches to their ends; the kind of work for which most of them wait is done first.
 
+    Work that may wait is done when all searches that have not ended wait for such.
+
     Args:
         searches: that have not begun.
 
@@ -72,7 +78,8 @@ def run_side_by_side(searches: Sequence[Search[T]]) -> list[T]:
         kinds: dict[Hashable, list[int]] = {}
         for k in sorted(waiting):
             kinds.setdefault((type(waiting[k]), waiting[k].kind()), []).append(k)
-        most = max(kinds.values(), key=len, default=[])
+        urgent = [group for group in kinds.values() if not waiting[group[0]].may_wait()]
+        most = max(urgent or kinds.values(), key=len, default=[])
         works = [waiting.pop(k) for k in most]
         answers = dict(zip(most, type(works[0]).together(works), strict=True)) if works else {}
     return [results[k] for k in range(len(searches))]

@@ -8,9 +8,11 @@ import pytest
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.vectors import unit
 from drake_polygrasp.wrenches.region_support import (
+    PlanePolygons,
     least_support,
     least_tilted_support,
     load_reach,
+    support_range,
     worst_centres_of_mass,
     worst_normals,
 )
@@ -35,6 +37,12 @@ def twists(rng: np.random.Generator, corners: Array, nhat: Array) -> Array:
     return w
 
 
+def alike(corners: Array, nhat: Array, mu: float, num: int) -> tuple[PlanePolygons, Array, Array]:
+    """The same polygon, normal and friction for each of some twists."""
+    polygons = PlanePolygons.of(np.tile(corners, (num, 1, 1)))
+    return polygons, np.tile(nhat[:, None], num), np.full(num, mu)
+
+
 def h_of(w: Array, r: Array, nhat: Array, mu: float) -> Array:
     """h of points and normals, by the definition, broadcast over all but the last axis."""
     u = w[..., :3] + np.cross(w[..., 3:], r)
@@ -50,35 +58,35 @@ def test_no_point_of_a_polygon_has_less_support_than_the_least(size, lean):
         corners, nhat = polygon(rng, size)
         w = twists(rng, corners, nhat)
         nhat = unit(nhat + lean * rng.normal(size=3))
-        h, r = least_support(w[:, None], corners[None], nhat[None], np.array([mu]))
-        np.testing.assert_allclose(h[:, 0], h_of(w, r[:, 0], nhat, mu), atol=1e-12)
+        h, r = least_support(w.T, *alike(corners, nhat, mu, len(w)))
+        np.testing.assert_allclose(h, h_of(w, r.T, nhat, mu), atol=1e-12)
         points = rng.dirichlet(np.full(len(corners), 0.5), 20000) @ corners
         sampled = h_of(w[:, None], points, nhat, mu).min(axis=1)
-        assert (h[:, 0] <= sampled + 1e-12).all()
+        assert (h <= sampled + 1e-12).all()
         # 20,000 points lie closer than a tenth of the polygon; h changes by (1 + mu) |omega|.
         slope = (1 + mu) * np.linalg.norm(w[:, 3:], axis=1)
-        assert (sampled - h[:, 0] <= 0.1 * size * slope).all()
+        assert (sampled - h <= 0.1 * size * slope).all()
 
 
 def test_a_hinge_through_the_polygon_has_no_support_there():
     # It turns about the y axis: the points (0, y, 0) do not move, all others slip or lift.
-    square = np.array([[[1.0, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]]])
+    square = np.array([[1.0, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
     turn = np.array([[0.0, 0, 0, 0, 1, 0]])
-    h, r = least_support(turn[:, None], square, np.array([[1.0, 0, 0]]), np.array([0.5]))
-    assert h[0, 0] == 0.0 and r[0, 0, 0] == 0.0
+    h, r = least_support(turn.T, *alike(square, np.array([1.0, 0, 0]), 0.5, 1))
+    assert h[0] == 0.0 and r[0, 0] == 0.0
     # Turned about z at (1, 0, 0) by one: u = (-y, x - 1, 0); along y, h = mu |y| + x - 1.
     turn = np.array([[0.0, -1, 0, 0, 0, 1]])
-    h, r = least_support(turn[:, None], square, np.array([[0.0, 1, 0]]), np.array([0.5]))
-    assert h[0, 0] == pytest.approx(-2.0, abs=1e-15)
-    np.testing.assert_allclose(r[0, 0], [-1, 0, 0], atol=1e-15)
+    h, r = least_support(turn.T, *alike(square, np.array([0.0, 1, 0]), 0.5, 1))
+    assert h[0] == pytest.approx(-2.0, abs=1e-15)
+    np.testing.assert_allclose(r[:, 0], [-1, 0, 0], atol=1e-15)
 
 
 def test_one_point_is_a_polygon():
     rng = np.random.default_rng(0)
-    w, r, nhat = rng.normal(size=(30, 6)), rng.normal(size=(1, 1, 3)), unit(rng.normal(size=(1, 3)))
-    for corners in (r, np.repeat(r, 4, axis=1)):
-        h, _ = least_support(w[:, None], corners, nhat, np.array([0.4]))
-        np.testing.assert_allclose(h[:, 0], h_of(w, r[0, 0], nhat[0], 0.4), atol=1e-14)
+    w, r, nhat = rng.normal(size=(30, 6)), rng.normal(size=(1, 3)), unit(rng.normal(size=3))
+    for corners in (r, np.tile(r, (4, 1))):
+        h, _ = least_support(w.T, *alike(corners, nhat, 0.4, len(w)))
+        np.testing.assert_allclose(h, h_of(w, r[0], nhat, 0.4), atol=1e-14)
 
 
 def tilted(rng: np.random.Generator, nhat: Array, tilt: float, num: int) -> Array:
@@ -95,10 +103,12 @@ def test_no_tilted_normal_has_less_support_than_the_worst():
         u = np.concatenate([rng.normal(size=(40, 3)), nhat + 0.05 * rng.normal(size=(20, 3))])
         u = np.concatenate([u, nhat - 2 * u[40:], nhat[None], -nhat[None]])
         twist = np.concatenate([u, np.zeros_like(u)], axis=1)
-        worst = worst_normals(u, np.broadcast_to(nhat, u.shape), np.full(len(u), mu), 0.1)
+        stated, worst = worst_normals(u.T, nhat[:, None], np.array(mu), 0.1)
+        worst = worst.T
         assert (worst @ nhat >= np.cos(0.1) - 1e-14).all()
         sampled = h_of(twist[:, None], np.zeros(3), tilted(rng, nhat, 0.1, 5000), mu).min(axis=1)
         least = h_of(twist, np.zeros(3), worst, mu)
+        np.testing.assert_allclose(stated, least, atol=1e-12)
         assert (least <= sampled + 1e-12).all()
         # 5,000 normals of a cap of 0.1 rad are 0.005 apart.
         assert (sampled - least <= 0.005 * (1 + mu) * np.linalg.norm(u, axis=1)).all()
@@ -107,10 +117,11 @@ def test_no_tilted_normal_has_less_support_than_the_worst():
 def test_a_point_with_a_normal_that_may_tilt_is_a_polygon_of_one_corner():
     rng = np.random.default_rng(11)
     corners, nhat = polygon(rng, 0.3)
-    w, point, mu = twists(rng, corners, nhat)[:, None], corners[:1], np.array([0.4])
+    w, point = twists(rng, corners, nhat), corners[:1]
     for tilt in (0.0, 0.2):
-        alone = least_tilted_support(w, point[None], nhat[None], mu, tilt)
-        triple = least_tilted_support(w, np.tile(point, (3, 1))[None], nhat[None], mu, tilt)
+        alone = least_tilted_support(w.T, *alike(point, nhat, 0.4, len(w)), tilt)
+        thrice = alike(np.tile(point, (3, 1)), nhat, 0.4, len(w))
+        triple = least_tilted_support(w.T, *thrice, tilt)
         for one, other in zip(alone, triple, strict=True):
             np.testing.assert_allclose(one, other, atol=1e-12)
 
@@ -120,11 +131,28 @@ def test_what_a_tilted_contact_supports_is_attained_and_is_less_than_upright():
     for mu in (0.1, 0.5, 1.0):
         corners, nhat = polygon(rng, 0.1)
         w = twists(rng, corners, nhat)
-        arguments = w[:, None], corners[None], nhat[None], np.array([mu])
+        arguments = w.T, *alike(corners, nhat, mu, len(w))
         h, r, n = least_tilted_support(*arguments, 0.1)
-        np.testing.assert_allclose(h[:, 0], h_of(w, r[:, 0], n[:, 0], mu), atol=1e-12)
-        assert (n[:, 0] @ nhat >= np.cos(0.1) - 1e-14).all()
+        np.testing.assert_allclose(h, h_of(w, r.T, n.T, mu), atol=1e-12)
+        assert (n.T @ nhat >= np.cos(0.1) - 1e-14).all()
         assert (h <= least_support(*arguments)[0] + 1e-12).all()
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.1])
+def test_least_supports_are_within_their_bounds(tilt):
+    rng = np.random.default_rng(4)
+    for mu in (0.0, 0.1, 0.5, 1.0):
+        corners, nhat = polygon(rng, 0.1)
+        w = twists(rng, corners, nhat)
+        arguments = alike(corners, nhat, mu, len(w))
+        centre = corners.mean(axis=0)
+        radius = np.linalg.norm(corners - centre, axis=1).max()
+        place = np.tile(centre[:, None], len(w)), np.full(len(w), radius)
+        low, high = support_range(w.T, *place, *arguments[1:], tilt)
+        h, _, _ = least_tilted_support(w.T, *arguments, tilt)
+        assert (low <= h + 1e-12).all()
+        assert (h <= high + 1e-12).all()
+        np.testing.assert_allclose(high, h_of(w, centre, nhat, mu), atol=1e-12)
 
 
 def test_the_reach_of_loads_about_centres_of_mass_near_by():
