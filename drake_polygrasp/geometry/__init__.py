@@ -29,6 +29,7 @@ vertices. A patch is a near-planar part of a curved or scanned surface, planned 
 | surface_pieces.py | convex pieces of the true surface, and polygons that contain a disc |
 | curved_pieces.py | convex pieces of curved solids around a contact |
 | visible_facets.py | facets that a fingertip may touch first when it misses a contact |
+| face_pieces.py | polygons on planar faces where fingertips may land, for many contacts |
 | placement_regions.py | the surface that a fingertip may touch when it misses a contact |
 | exclusion.py | faces and directions that the user excludes from contact |
 | obstacles.py | solids around a body that fingertips must not touch |

@@ -10,26 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools
+from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.digits import at_least
 from drake_polygrasp.geometry.curved_pieces import curved_pieces
+from drake_polygrasp.geometry.face_pieces import (
+    Around,
+    around_contacts,
+    is_near,
+    pieces_on_faces,
+)
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.surface_pieces import (
     SurfacePiece,
-    disc_on_face,
-    regular_directions,
     rounded_piece,
-    tangent_polygon,
-    widened,
 )
-from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, FLATNESS, LENGTH_TOLERANCE
-from drake_polygrasp.geometry.triangles import face_frame, point_triangle_distance, unit_normals
+from drake_polygrasp.geometry.triangles import face_frame, unit_normals
 from drake_polygrasp.geometry.visible_facets import visible_facets
 from drake_polygrasp.vectors import dot, times
 
@@ -75,86 +75,75 @@ def placement_region(
         curved solid pieces of its true surface. No pieces, but the reason, if the fingertip may
         miss the body, or touch another part of it or another body.
     """
+    around = around_contacts(polyhedron, p_BC[None], nhat_TB_B[None], np.array([radius]))
+    (piece,) = pieces_on_faces(polyhedron, np.array([face]), around)
+    return _region(polyhedron, face, around.take(0), piece)
+
+
+def regions_of_grasps(
+    polyhedron: Polyhedron, p_BC: Array, nhat_TB_B: Array, face: Ints, radius: Array
+) -> list[tuple[tuple[SurfacePiece, ...], ...] | None]:
+    """Returns the pieces of `placement_region` for the three contacts of N grasps.
+
+    Args:
+        polyhedron: the body.
+        p_BC: contacts on the true surface [m], shape (N, 3, 3).
+        nhat_TB_B: inward unit normals there, shape (N, 3, 3).
+        face: indices of the faces or patches that they are on, shape (N, 3).
+        radius: greatest errors in the tangent planes [m], shape (N, 3).
+
+    Returns:
+        For each grasp the pieces of each contact; None if one of these has no region.
+    """
+    around = around_contacts(
+        polyhedron, p_BC.reshape(-1, 3), nhat_TB_B.reshape(-1, 3), radius.ravel()
+    )
+    on_faces = pieces_on_faces(polyhedron, face.ravel(), around)
+    found: list[tuple[tuple[SurfacePiece, ...], ...] | None] = []
+    for n, faces in enumerate(face.tolist()):
+        pieces = []
+        for i, k in enumerate(faces):
+            m = 3 * n + i
+            region = _region(polyhedron, k, around.take(m), on_faces[m])
+            if not region.pieces:
+                break
+            pieces.append(region.pieces)
+        found.append(tuple(pieces) if len(pieces) == 3 else None)
+    return found
+
+
+def _region(
+    polyhedron: Polyhedron, face: int, around: Around, piece: SurfacePiece | None
+) -> PlacementRegion:
+    """Returns the region around a contact.
+
+    Args:
+        polyhedron: the body.
+        face: index of the face or patch that the contact is on.
+        around: the contact.
+        piece: the region on its planar face, as `pieces_on_faces` finds it.
+    """
     on, L = polyhedron.faces[face], polyhedron.diameter
-    R_BC = face_frame(-nhat_TB_B)
-    r = widened(radius, L)
-    window = tangent_polygon(regular_directions(np.array([1.0, 0.0])), r)
-    reach = float(np.sqrt(dot(window, window).max()))
-    around = _Around(p_BC, R_BC, r, window, reach, LENGTH_TOLERANCE * L)
-    piece = None
-    if not on.reach:
-        piece = _on_face(polyhedron, face, around)
     if piece is not None:
         region = PlacementRegion((piece,))
     elif on.primitive is not None:
         region = _on_solid(polyhedron, on.primitive, around)
     else:
         region = _on_facets(polyhedron, around, on.mu)
-    if not region.pieces:
+    solids = [s for s in (*polyhedron.primitives, *polyhedron.covering) if s is not on.primitive]
+    covers_B = polyhedron.covers_B
+    if not region.pieces or not (solids or len(covers_B)):
         return region
     corners = np.concatenate([piece.p_BV for piece in region.pieces])
-    lowest = float(times(corners - p_BC, R_BC[:, 2]).min())
-    for solid in (*polyhedron.primitives, *polyhedron.covering):
-        if solid is not on.primitive and _is_in_the_way(solid, around, lowest, L):
-            return PlacementRegion((), "the fingertip may touch another, curved part first")
-    if (
-        len(polyhedron.covers_B)
-        and _is_over(around.seen(polyhedron.covers_B), around, lowest).any()
-    ):
+    lowest = float(times(corners - around.p_BC, around.R_BC[:, 2]).min())
+    if any(_is_in_the_way(solid, around, lowest, L) for solid in solids):
+        return PlacementRegion((), "the fingertip may touch another, curved part first")
+    if len(covers_B) and _is_over(around.seen(covers_B), around, lowest).any():
         return PlacementRegion((), "the fingertip may touch another body first")
     return region
 
 
-class _Around(NamedTuple):
-    """A contact and the neighbourhood that its errors lead to.
-
-    Attributes:
-        p_BC: the contact [m], shape (3,).
-        R_BC: columns Cx, Cy in the tangent plane and Cz outward, shape (3, 3).
-        radius: greatest error, enlarged against rounding [m].
-        window: corners of a polygon that contains the disc of errors, in the coordinates of Cx and
-            Cy [m], shape (k, 2).
-        reach: greatest distance of the window's corners from the contact [m].
-        tolerance: lengths below this are rounding errors [m].
-    """
-
-    p_BC: Array
-    R_BC: Array
-    radius: float
-    window: Array
-    reach: float
-    tolerance: float
-
-    def seen(self, p_B: Array) -> Array:
-        """Returns points of B in the frame of the contact [m], shape (..., 3)."""
-        return times(p_B - self.p_BC, self.R_BC)
-
-
-def _on_face(polyhedron: Polyhedron, face: int, around: _Around) -> SurfacePiece | None:
-    """Returns a polygon on a planar face; None if the face lacks the disc or is not met first."""
-    on = polyhedron.faces[face]
-    p_CF, R_CF = around.seen(on.p_BF), times(on.R_BF.T, around.R_BC).T
-    polygon = shapely.transform(on.polygon_F, lambda xy: p_CF[:2] + times(xy, R_CF[:2, :2].T))
-    corners = disc_on_face(polygon, around.radius, around.tolerance)
-    if corners is None:
-        return None
-    triangles = around.seen(polyhedron.triangles_B)
-    near = np.flatnonzero(_is_near(triangles, around))
-    triangles, of_face = triangles[near], polyhedron.triangle_face[near] == face
-    if not _is_level(triangles[of_face], around).all():
-        return None
-    rises = triangles[:, :, 2].max(axis=1) > 2 * FLATNESS * polyhedron.diameter
-    if rises.any() and not polyhedron.is_convex:
-        # Shrink the window a little, because walls may stand on the rim of the disc.
-        window = corners * (1 - 2 * around.tolerance / around.radius)
-        seen = visible_facets(triangles, window, polyhedron.diameter)
-        if seen.is_blocked or seen.has_step or not of_face[seen.triangle].all():
-            return None
-    p_BV = around.p_BC + times(corners, around.R_BC[:, :2].T)
-    return rounded_piece(p_BV, -around.R_BC[:, 2], polyhedron.diameter)
-
-
-def _on_solid(polyhedron: Polyhedron, solid: Primitive, around: _Around) -> PlacementRegion:
+def _on_solid(polyhedron: Polyhedron, solid: Primitive, around: Around) -> PlacementRegion:
     """Returns the region around a contact on a curved solid."""
     pieces = curved_pieces(solid, around.p_BC, around.R_BC, around.window, polyhedron.diameter)
     if not pieces:
@@ -169,7 +158,7 @@ def _on_solid(polyhedron: Polyhedron, solid: Primitive, around: _Around) -> Plac
     return PlacementRegion(pieces)
 
 
-def _on_facets(polyhedron: Polyhedron, around: _Around, mu: float) -> PlacementRegion:
+def _on_facets(polyhedron: Polyhedron, around: Around, mu: float) -> PlacementRegion:
     """Returns the region around a contact on facets, or on a face that lacks the disc.
 
     The friction coefficient of all its facets must be at least the contact's `mu`.
@@ -245,27 +234,13 @@ def _stand_for(solid: Primitive, triangles: Array, tolerance: float) -> Bools:
     return np.asarray(on_curve.all(axis=1) & solid.is_curved(nhat))
 
 
-def _is_near(triangles_C: Array, around: _Around) -> Bools:
-    """Returns which triangles (T, 3, 3) are within reach, seen along the contact's normal, (T,)."""
-    flat = triangles_C * [1.0, 1.0, 0.0]
-    return np.asarray(point_triangle_distance(np.zeros(3), flat) <= around.reach)
-
-
-def _is_level(triangles_C: Array, around: _Around) -> Bools:
-    """Returns which triangles are in the contact's tangent plane, but for rounding errors, (T,)."""
-    nhat, area = unit_normals(triangles_C)
-    level = np.abs(triangles_C[:, :, 2]).max(axis=1) <= around.tolerance
-    upright = np.sqrt(dot(nhat[:, :2], nhat[:, :2])) <= ANGLE_TOLERANCE
-    return np.asarray(level & (upright | (area <= around.tolerance**2)))
-
-
-def _is_over(triangles_C: Array, around: _Around, lowest: float) -> Bools:
+def _is_over(triangles_C: Array, around: Around, lowest: float) -> Bools:
     """Returns which triangles (T, 3, 3) are within reach and rise above a height [m], (T,)."""
     rises = triangles_C[:, :, 2].max(axis=1) > lowest
-    return np.asarray(_is_near(triangles_C, around) & rises)
+    return np.asarray(is_near(triangles_C, around.reach) & rises)
 
 
-def _is_in_the_way(solid: Primitive, around: _Around, lowest: float, L: float) -> bool:
+def _is_in_the_way(solid: Primitive, around: Around, lowest: float, L: float) -> bool:
     """Returns whether a solid is within reach of the path from far outside to `lowest`."""
     outward = around.R_BC[:, 2]
     if solid.height(outward) - dot(around.p_BC, outward) <= lowest + around.tolerance:

@@ -58,21 +58,21 @@ def tidy(vectors: Array) -> Array:
 
 
 def face_frame(normal: Array) -> Array:
-    """Returns the orientation R_BF of a face with a given normal.
+    """Returns the orientation R_BF of a face with a given normal, or of many.
 
     Fz is along the normal, and Fx along the projection of the axis of B that is nearest to the
     plane, so that a face parallel to axes of B has a frame parallel to them.
 
     Args:
-        normal: in B, nearly of unit length, shape (3,).
+        normal: in B, nearly of unit length, shape (..., 3).
 
     Returns:
-        Columns Fx, Fy, Fz, shape (3, 3).
+        Columns Fx, Fy, Fz, shape (..., 3, 3).
     """
     Fz = tidy(normal)
-    axis = np.eye(3)[np.argmin(np.round(np.abs(Fz), 9))]
-    Fx = tidy(axis - Fz * dot(axis, Fz))
-    return np.stack([Fx, tidy(np.cross(Fz, Fx)), Fz], axis=1)
+    axis = np.eye(3)[np.argmin(np.round(np.abs(Fz), 9), axis=-1)]
+    Fx = tidy(axis - Fz * dot(axis, Fz)[..., None])
+    return np.stack([Fx, tidy(cross(Fz, Fx)), Fz], axis=-1)
 
 
 def diameter(points: Array) -> float:

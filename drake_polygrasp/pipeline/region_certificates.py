@@ -14,8 +14,7 @@ from drake_polygrasp.certification.contact_regions import CertifiedRegions, cert
 from drake_polygrasp.certification.region_search import RegionClaim
 from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
-from drake_polygrasp.geometry.placement_regions import placement_region
-from drake_polygrasp.geometry.polyhedron import Polyhedron
+from drake_polygrasp.geometry.placement_regions import regions_of_grasps
 from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 from drake_polygrasp.grasp import (
     AnyGrasp,
@@ -180,39 +179,27 @@ def prove_errors(
         The proof of each; None where contacts may touch what they must not, or no internal force
         proves all placements.
     """
-    held, claims = [], []
-    for index, (grasp, errors) in enumerate(grasps):
-        radii = [at_most(r) for r in errors.placement[list(grasp.faces)].tolist()]
-        pieces = _pieces(object_.polyhedron, grasp, radii)
-        if pieces is None:
-            continue
+    if not grasps:
+        return []
+    radii = np.array([[at_most(r) for r in e.placement[list(g.faces)].tolist()] for g, e in grasps])
+    regions = regions_of_grasps(
+        object_.polyhedron,
+        np.stack([grasp.p_BC for grasp, _ in grasps]),
+        np.stack([grasp.nhat_TB_B for grasp, _ in grasps]),
+        np.array([grasp.faces for grasp, _ in grasps]),
+        radii,
+    )
+    held = [(k, pieces) for k, pieces in enumerate(regions) if pieces is not None]
+    claims = []
+    for k, pieces in held:
+        grasp, errors = grasps[k]
         contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
-        held.append((index, pieces))
-        claims.append(RegionClaim(*contacts, pieces, np.array(radii), errors.tilt, errors.friction))
+        claims.append(RegionClaim(*contacts, pieces, radii[k], errors.tilt, errors.friction))
     proved: list[ProvedErrors | None] = [None] * len(grasps)
-    for (index, pieces), regions in zip(held, certify_regions(claims), strict=True):
-        if regions is not None:
-            proved[index] = ProvedErrors(grasps[index][1], pieces, regions)
+    for (k, pieces), certified in zip(held, certify_regions(claims), strict=True):
+        if certified is not None:
+            proved[k] = ProvedErrors(grasps[k][1], pieces, certified)
     return proved
-
-
-def _pieces(
-    polyhedron: Polyhedron, grasp: Grasp, radii: Sequence[float]
-) -> tuple[tuple[SurfacePiece, ...], ...] | None:
-    """Returns the surface that each contact may touch; None where one may touch what it must not.
-
-    Args:
-        polyhedron: the body.
-        grasp: three contacts on it.
-        radii: distance by which each may be off [m].
-    """
-    pieces = []
-    for contact in zip(grasp.p_BC, grasp.nhat_TB_B, grasp.faces, radii, strict=True):
-        region = placement_region(polyhedron, *contact)
-        if not region.pieces:
-            return None
-        pieces.append(region.pieces)
-    return tuple(pieces)
 
 
 def bound_errors(

@@ -19,6 +19,7 @@ from drake_polygrasp.geometry.placement_regions import (
     MOST_PIECES,
     PlacementRegion,
     placement_region,
+    regions_of_grasps,
 )
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive
@@ -199,6 +200,36 @@ def test_what_a_fingertip_meets_first_is_on_a_piece_with_its_normal(name: str) -
             counts.append(len(region.pieces))
     assert len(counts) >= 5
     assert name == "boxes" or max(counts) > 3
+
+
+@pytest.mark.parametrize("name", ["hull", "scan", "boxes", "holed", "cylinder"])
+def test_grasps_together_have_the_regions_that_each_contact_has_alone(name: str) -> None:
+    if name == "cylinder":
+        polyhedron = build_polyhedron([curved_part(SOLIDS[name], 0.3)])
+    else:
+        body = holed_prism(7, 1, 2) if name == "holed" else BODIES[name]()
+        polyhedron = solid(body).polyhedron
+    p_BC, _, face = random_contacts(polyhedron, 90, seed=7)
+    seats = project_contacts(polyhedron, p_BC, face)
+    rows = np.flatnonzero(seats.ok)
+    grasps = rows[: 3 * (len(rows) // 3)].reshape(-1, 3)
+    radius = polyhedron.diameter * np.random.default_rng(1).choice(
+        [1e-3, 0.01, 0.03, 0.4], grasps.shape
+    )
+    contacts = seats.p_BC[grasps], seats.nhat_TB_B[grasps], face[grasps], radius
+    found = regions_of_grasps(polyhedron, *contacts)
+    for pieces, *grasp in zip(found, *contacts, strict=True):
+        alone = [
+            placement_region(polyhedron, p, n, int(k), float(r)).pieces
+            for p, n, k, r in zip(*grasp, strict=True)
+        ]
+        assert (pieces is None) == (not all(alone))
+        for one, other in zip(pieces or (), alone, strict=pieces is not None):
+            assert [piece.p_BV.tolist() for piece in one] == [p.p_BV.tolist() for p in other]
+            assert [p.nhat_TB_B.tolist() for p in one] == [p.nhat_TB_B.tolist() for p in other]
+            assert [piece.tan_spread for piece in one] == [piece.tan_spread for piece in other]
+    assert any(pieces is not None for pieces in found)
+    assert any(pieces is None for pieces in found)
 
 
 def test_many_facets_make_few_pieces_that_hold_them_all() -> None:
