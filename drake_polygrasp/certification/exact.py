@@ -454,7 +454,6 @@ def _pieces(
         if not isinstance(region, list | tuple) or not region:
             raise _RefusedError("regions is not three lists of pieces")
         faces.append([])
-        on_faces = narrowed_friction(friction[i], tilt, loss)
         for piece in region:
             if not isinstance(piece, list | tuple) or len(piece) != 3:
                 raise _RefusedError("a piece is not corners, a normal and a spread")
@@ -464,8 +463,7 @@ def _pieces(
             spread = _number(piece[2], "tan_spread")
             if spread < 0:
                 raise _RefusedError("tan_spread is negative")
-            left = _narrowed(on_faces, Fraction(spread))
-            inside = _strictly_less(left) if left > 0 else 0
+            inside = _friction_inside(friction[i], tilt, loss, spread)
             if inside <= 0:
                 raise _RefusedError(f"the errors leave no friction at contact {i + 1}")
             faces[i].append((slice(start, len(rows)), normal, inside))
@@ -480,9 +478,16 @@ def _unit_normal(normal: Any, i: int) -> list[int]:
     return n
 
 
-def _strictly_less(mu: Fraction) -> int:
-    """Returns friction m with (1 + m^2) INTERIOR <= 1 + mu^2, in units of 2**-_FRICTION_BITS."""
-    return math.floor((mu - (INTERIOR - 1) * (1 + mu * mu) / mu) * (1 << _FRICTION_BITS))
+@functools.lru_cache(maxsize=256)  # like `_tangent_bound`
+def _friction_inside(mu: float, tilt: float, loss: float, spread: float) -> int:
+    """Returns friction m with (1 + m^2) INTERIOR <= 1 + left^2, in units of 2**-_FRICTION_BITS.
+
+    What the errors leave of mu is `left`; m is 0 or negative if that is.
+    """
+    left = narrowed_friction(mu, tilt, loss, spread)
+    if left <= 0:
+        return 0
+    return math.floor((left - (INTERIOR - 1) * (1 + left * left) / left) * (1 << _FRICTION_BITS))
 
 
 def _refuse_near_line(corners: list[list[list[int]]]) -> None:
@@ -528,16 +533,16 @@ def _is_inside(piece: _Piece, factors: list[int], places: list[list[list[int]]])
         # The tangent times stretch / 2**_LENGTH_BITS is a hair longer than n.
         stretch = math.isqrt((_dot(n, n) << (2 * _LENGTH_BITS)) // _dot(tangent, tangent)) + 1
         frame.append([c * stretch for c in tangent])
-    seen = [[[_dot(axis, p) for axis in frame] for p in corners] for corners in places]
 
     def is_positive(a: int, b: int, turn: int) -> bool:
         along = _ARCS**2 + a * b
         c, s = _ARCS**2 - a * b, _ARCS * (a + b)
         for _ in range(turn):
             c, s = -s, c
+        x, y, z = (along * w + c * t_1 + s * t_2 for w, t_1, t_2 in zip(*frame, strict=True))
         least = 0
-        for factor, points in zip(factors, seen, strict=True):
-            values = [along * w + c * y + s * z for w, y, z in points]
+        for factor, points in zip(factors, places, strict=True):
+            values = [x * p_x + y * p_y + z * p_z for p_x, p_y, p_z in points]
             least += factor * (min(values) if factor > 0 else max(values))
         return least > 0
 
