@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,14 +13,14 @@ from drake_polygrasp.certification.convex import (
     Escape,
     find_escape,
     find_internal_forces,
-    least_friction,
+    least_frictions,
 )
 from drake_polygrasp.certification.robustness import (
     Interval,
-    epsilon_interval,
+    epsilon_intervals,
     friction_tolerance,
     placement_tolerance,
-    squeeze_force,
+    squeeze_forces,
     tilt_tolerance,
 )
 from drake_polygrasp.digits import EXACT, at_least, at_most
@@ -105,8 +106,6 @@ def certify(
     p_BBcm: Array,
     rho: float,
     edge_distance: float | None = None,
-    proof: Proof | None = None,
-    epsilon: Interval | None = None,
 ) -> CertifiedGrasp | Proof:
     """Proves a grasp and computes its certificate.
 
@@ -117,34 +116,96 @@ def certify(
         rho: greatest distance from the centre of mass to the surface [m].
         edge_distance: least distance from a contact to an edge of its face [m], which the
             placement tolerance does not exceed; None if no face is known.
-        proof: result of `prove`, if it is known already.
-        epsilon: result of `epsilon_interval`, if it is known already.
 
     Returns:
         The grasp with its certificate if it holds, else the proof that it does not, or why that is
         undecided.
     """
-    proof = proof or prove(grasp)
+    proof = prove(grasp)
     if proof.internal_force is None:
         return proof
-    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
-    mu_min, mu_min_internal_force = least_friction(*contacts, proof.internal_force)
-    epsilon = epsilon or epsilon_interval(*contacts, p_BBcm, rho)
-    lower, upper = at_most(epsilon.lower), at_least(epsilon.upper)
-    placement = placement_tolerance(lower, grasp.mu, rho, edge_distance)
-    tilt = tilt_tolerance(lower, grasp.p_BC, grasp.mu, p_BBcm, rho)
-    friction = friction_tolerance(lower, grasp.p_BC, grasp.mu, p_BBcm, rho)
-    squeeze = None if mass is None else squeeze_force(*contacts, p_BBcm, rho, mass)
-    certificate = Certificate(
-        internal_force=proof.internal_force,
-        margin=proof.margin,
-        mu_min=mu_min,
-        mu_min_internal_force=mu_min_internal_force,
-        epsilon_lower=lower,
-        epsilon_upper=upper,
-        placement_tolerance=at_most(placement),
-        tilt_tolerance=at_most(tilt),
-        friction_tolerance=at_most(friction),
-        squeeze_force=None if squeeze is None else at_least(squeeze),
+    (certified,) = certify_proved(
+        [ProvedGrasp(grasp, proof, edge_distance)], mass=mass, p_BBcm=p_BBcm, rho=rho
     )
-    return CertifiedGrasp(grasp, certificate)
+    return certified
+
+
+@dataclass(frozen=True, eq=False)
+class ProvedGrasp:
+    """A grasp that is proved force closure, and what else is known of it.
+
+    Attributes:
+        grasp: three contacts.
+        proof: that it holds.
+        edge_distance: least distance from a contact to an edge of its face [m], which the
+            placement tolerance does not exceed; None if no face is known.
+        epsilon: result of `epsilon_interval`; None if it is not known.
+    """
+
+    grasp: Grasp
+    proof: Proof
+    edge_distance: float | None = None
+    epsilon: Interval | None = None
+
+
+def certify_proved(
+    grasps: Sequence[ProvedGrasp], *, mass: float | None, p_BBcm: Array, rho: float
+) -> list[CertifiedGrasp]:
+    """Computes certificates of grasps that are proved force closure.
+
+    Args:
+        grasps: grasps of one object.
+        mass: mass of the object [kg]; None if it is unknown.
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+
+    Returns:
+        Each grasp with its certificate.
+    """
+    if not grasps:
+        return []
+    contacts = _stacked([each.grasp for each in grasps])
+    unknown = [each.grasp for each in grasps if each.epsilon is None]
+    found = iter(epsilon_intervals(*_stacked(unknown), p_BBcm, rho) if unknown else ())
+    epsilons = [each.epsilon or next(found) for each in grasps]
+    internal = np.stack([_internal_force(each.proof) for each in grasps])
+    frictions = least_frictions(*contacts, internal)
+    squeezes: Sequence[float | None] = [None] * len(grasps)
+    if mass is not None:
+        squeezes = squeeze_forces(*contacts, p_BBcm, rho, mass)
+    certified = []
+    for each, (mu_min, witness), epsilon, squeeze in zip(
+        grasps, frictions, epsilons, squeezes, strict=True
+    ):
+        grasp, lower = each.grasp, at_most(epsilon.lower)
+        placement = placement_tolerance(lower, grasp.mu, rho, each.edge_distance)
+        tilt = tilt_tolerance(lower, grasp.p_BC, grasp.mu, p_BBcm, rho)
+        friction = friction_tolerance(lower, grasp.p_BC, grasp.mu, p_BBcm, rho)
+        certificate = Certificate(
+            internal_force=_internal_force(each.proof),
+            margin=each.proof.margin,
+            mu_min=mu_min,
+            mu_min_internal_force=witness,
+            epsilon_lower=lower,
+            epsilon_upper=at_least(epsilon.upper),
+            placement_tolerance=at_most(placement),
+            tilt_tolerance=at_most(tilt),
+            friction_tolerance=at_most(friction),
+            squeeze_force=None if squeeze is None else at_least(squeeze),
+        )
+        certified.append(CertifiedGrasp(grasp, certificate))
+    return certified
+
+
+def _stacked(grasps: Sequence[Grasp]) -> tuple[Array, Array, Array]:
+    """Returns contact points, normals and friction coefficients of grasps."""
+    return (
+        np.stack([grasp.p_BC for grasp in grasps]),
+        np.stack([grasp.nhat_TB_B for grasp in grasps]),
+        np.stack([grasp.mu for grasp in grasps]),
+    )
+
+
+def _internal_force(proof: Proof) -> Array:
+    assert proof.internal_force is not None
+    return proof.internal_force

@@ -152,53 +152,77 @@ def friction_at(mu: Array, mu_min: float) -> Array:
     return frozen(mu * (min(max(mu_min, MU_FLOOR), greatest) / greatest))
 
 
-def least_friction(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> tuple[float, Array]:
+def least_frictions(
+    p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array
+) -> list[tuple[float, Array]]:
     """Finds the least friction, all coefficients scaled by one factor, that keeps force closure.
 
     Each internal force needs some friction, and the one of the greatest margin at that friction
     needs less. This iteration converges to the least as fast as Newton's method (Dinkelbach, 1967).
 
     Args:
-        p_BC: contact points [m], shape (3, 3).
-        nhat_TB_B: inward unit normals, shape (3, 3).
-        mu: friction coefficients, shape (3,).
-        x: an internal force that proves the grasp with `mu` [1/m], shape (3,).
+        p_BC: contact points of M grasps [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        x: internal forces that prove the grasps with `mu` [1/m], shape (M, 3).
 
     Returns:
-        mu_min, the greatest of the scaled coefficients, or 0 below `MU_FLOOR`; and the internal
-        force [1/m], shape (3,), that proves the grasp at `friction_at(mu, mu_min)`, exactly
-        checked.
+        For each grasp mu_min, the greatest of the scaled coefficients, or 0 below `MU_FLOOR`; and
+        the internal force [1/m], shape (3,), that proves the grasp at `friction_at(mu, mu_min)`,
+        exactly checked.
     """
-    rows, size = _edge_rows(p_BC[None], nhat_TB_B[None])
-    program, greatest = _MarginProgram(), float(mu.max())
-    mu_min, witness = min(_friction_needed(rows[0], mu, x), greatest), x
-    tried = MU_FLOOR
+    rows, size = _edge_rows(p_BC, nhat_TB_B)
+    program, greatest = _MarginProgram(), mu.max(axis=1)
+    mu_min, witness = np.minimum(_friction_needed(rows, mu, x), greatest), x.copy()
+    tried = np.full(len(mu), MU_FLOOR)
+    going = np.flatnonzero(mu_min > MU_FLOOR)
     for _ in range(_MAX_STEPS):
-        if mu_min <= MU_FLOOR:
+        if not len(going):
             break
+        part, scale = rows[going], size[going]
         # With these shares, t lowers the friction needed at all contacts by one factor.
-        share = size * dot(rows[..., 0, :], witness)
-        force = _printable(program.solve(rows, friction_at(mu, tried)[None], share), rows, size)[0]
-        needed = _friction_needed(rows[0], mu, force)
-        is_last = tried > MU_FLOOR and not needed * _MU_STEP < mu_min
-        if needed < mu_min:
-            mu_min, witness = needed, force
-        if is_last:
-            break
-        tried = mu_min
+        share = scale[:, None] * dot(part[..., 0, :], witness[going, None])
+        lowered = np.stack([friction_at(mu[k], float(tried[k])) for k in going])
+        force = _printable(program.solve(part, lowered, share), part, scale)
+        needed = _friction_needed(part, mu[going], force)
+        is_last = (tried[going] > MU_FLOOR) & ~(needed * _MU_STEP < mu_min[going])
+        is_less = needed < mu_min[going]
+        mu_min[going[is_less]], witness[going[is_less]] = needed[is_less], force[is_less]
+        going = going[~is_last & (mu_min[going] > MU_FLOOR)]
+        tried[going] = mu_min[going]
+    return [
+        _checked_friction(*grasp)
+        for grasp in zip(p_BC, nhat_TB_B, mu, x, mu_min.tolist(), witness, strict=True)
+    ]
+
+
+def _checked_friction(
+    p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array, mu_min: float, witness: Array
+) -> tuple[float, Array]:
+    """Returns the least friction, rounded, if it is proved; else the given one."""
+    greatest = float(mu.max())
     mu_min = min(at_least(mu_min), greatest) if mu_min > MU_FLOOR else 0.0
     contacts = p_BC.tolist(), nhat_TB_B.tolist(), friction_at(mu, mu_min).tolist()
     is_proved = check_force_closure(*contacts, witness.tolist()).ok
     return (mu_min, frozen(witness)) if is_proved else (greatest, frozen(x))
 
 
-def _friction_needed(rows: Array, mu: Array, x: Array) -> float:
-    """Scales all coefficients to the least with which x passes; returns the greatest of them."""
-    f = dot(rows, x)
-    if not (f[:, 0] > 0.0).all():
-        return math.inf
-    squared = (f[:, 1] ** 2 + f[:, 2] ** 2) / f[:, 0] ** 2
-    return float((np.sqrt(squared + _ROOM * (1.0 + squared)) / mu).max() * mu.max())
+def _friction_needed(rows: Array, mu: Array, x: Array) -> Array:
+    """Scales coefficients to the least with which x passes; returns the greatest of each grasp.
+
+    Args:
+        rows: as `_edge_rows` returns them, shape (M, 3, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        x: internal forces, shape (M, 3).
+
+    Returns:
+        Shape (M,); infinite where x pulls at a contact.
+    """
+    n, t_1, t_2 = np.moveaxis(dot(rows, x[:, None, None]), -1, 0)
+    is_pushing = (n > 0.0).all(axis=1)
+    squared = (t_1**2 + t_2**2) / np.where(is_pushing[:, None], n, 1.0) ** 2
+    factor = (np.sqrt(squared + _ROOM * (1.0 + squared)) / mu).max(axis=1)
+    return np.where(is_pushing, factor * mu.max(axis=1), math.inf)
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,9 +85,42 @@ def epsilon_interval(
         The bounds, and the polytope that proves the lower one.
     """
     contacts = p_BC[None], nhat_TB_B[None], mu[None]
-    upper = epsilon_upper_bound(*contacts, p_BBcm, rho)
-    cones = cone_wrenches(*contacts, p_BBcm, rho)
-    return _radius_interval(cones, _WRENCH, float(upper[0]), at_least, relative_gap)
+    gap = relative_gap
+    (epsilon,) = epsilon_intervals(*contacts, p_BBcm, rho, at_least=at_least, relative_gap=gap)
+    return epsilon
+
+
+def epsilon_intervals(
+    p_BC: Array,
+    nhat_TB_B: Array,
+    mu: Array,
+    p_BBcm: Array,
+    rho: float,
+    *,
+    at_least: float = 0.0,
+    relative_gap: float = RELATIVE_GAP,
+) -> list[Interval]:
+    """Bounds epsilon of M grasps, each as `epsilon_interval` does.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        at_least: refining stops once the upper bound is below this.
+        relative_gap: refining stops once the difference of the bounds over the upper one is below
+            this.
+
+    Returns:
+        The bounds of each, and the polytope that proves the lower one.
+    """
+    upper = epsilon_upper_bound(p_BC, nhat_TB_B, mu, p_BBcm, rho)
+    cones = cone_wrenches(p_BC, nhat_TB_B, mu, p_BBcm, rho)
+    return [
+        _radius_interval(one[None], _WRENCH, highest, at_least, relative_gap)
+        for one, highest in zip(cones, upper.tolist(), strict=True)
+    ]
 
 
 def squeeze_interval(
@@ -117,9 +150,20 @@ def squeeze_interval(
         The bounds, and the polytope that proves the lower one.
     """
     contacts = p_BC[None], nhat_TB_B[None], mu[None]
-    upper = epsilon_upper_bound(*contacts, p_BBcm, _FREE_TORQUE * rho)
-    cones = cone_wrenches(*contacts, p_BBcm, rho)
-    return _radius_interval(cones, _FORCE, float(upper[0]) * (1.0 + _TIE), 0.0, relative_gap)
+    (r_w,) = _squeeze_intervals(*contacts, p_BBcm, rho, relative_gap)
+    return r_w
+
+
+def _squeeze_intervals(
+    p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float, relative_gap: float
+) -> list[Interval]:
+    """Bounds r_w of M grasps."""
+    upper = epsilon_upper_bound(p_BC, nhat_TB_B, mu, p_BBcm, _FREE_TORQUE * rho) * (1.0 + _TIE)
+    cones = cone_wrenches(p_BC, nhat_TB_B, mu, p_BBcm, rho)
+    return [
+        _radius_interval(one[None], _FORCE, highest, 0.0, relative_gap)
+        for one, highest in zip(cones, upper.tolist(), strict=True)
+    ]
 
 
 def _radius_interval(
@@ -259,5 +303,27 @@ def squeeze_force(
     Returns:
         The force [N]; None if the lower bound of r_w is 0.
     """
-    r_w = squeeze_interval(p_BC, nhat_TB_B, mu, p_BBcm, rho).lower
-    return mass * GRAVITY / r_w if r_w > 0.0 else None
+    (force,) = squeeze_forces(p_BC[None], nhat_TB_B[None], mu[None], p_BBcm, rho, mass)
+    return force
+
+
+def squeeze_forces(
+    p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float, mass: float
+) -> list[float | None]:
+    """Computes `squeeze_force` of M grasps.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        mass: mass of the object [kg].
+
+    Returns:
+        The force of each [N]; None if the lower bound of r_w is 0.
+    """
+    return [
+        mass * GRAVITY / r_w.lower if r_w.lower > 0.0 else None
+        for r_w in _squeeze_intervals(p_BC, nhat_TB_B, mu, p_BBcm, rho, RELATIVE_GAP)
+    ]

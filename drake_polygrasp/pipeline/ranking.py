@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from drake_polygrasp.arrays import frozen
-from drake_polygrasp.certification.certify import Proof, certify
+from drake_polygrasp.certification.certify import ProvedGrasp, certify_proved
 from drake_polygrasp.certification.robustness import RELATIVE_GAP, Interval, epsilon_interval
 from drake_polygrasp.digits import on_grid, significant, to_decimals
 from drake_polygrasp.geometry.surface_contact import edge_distance
@@ -138,16 +138,27 @@ def _certified_bearings(
         return []
     object_ = bearings[0].judge.work.request.object_
     bounded = bounded_levels(object_, [each.held for each in bearings], errors, wanted, gap)
-    graded = [(bearings[each.index], each.region) for each in bounded]
+    exact = _certified_for_exact_contacts([bearings[each.index] for each in bounded])
     certified = [
-        (each, replace(certify_candidate(each.judge, each.ranked.row), region=region))
-        for each, region in graded
+        (bearing, replace(grasp, region=each.region))
+        for (bearing, grasp), each in zip(exact, bounded, strict=True)
     ]
     if len(certified) < wanted:
-        bare = [each for each in bearings if each.held.proved is None]
-        others = [(each, certify_candidate(each.judge, each.ranked.row)) for each in bare]
+        others = _certified_for_exact_contacts([b for b in bearings if b.held.proved is None])
         certified += sorted(others, key=lambda pair: -pair[1].certificate.epsilon_lower)
     return certified
+
+
+def _certified_for_exact_contacts(
+    bearings: Sequence[_Bearing],
+) -> list[tuple[_Bearing, CertifiedGrasp]]:
+    """Certifies candidates, in their order, without errors."""
+    found: dict[tuple[int, int], CertifiedGrasp] = {}
+    for judge in {id(each.judge): each.judge for each in bearings}.values():
+        rows = [each.ranked.row for each in bearings if each.judge is judge]
+        certified = _certified(judge, rows, [None] * len(rows))
+        found |= {(id(judge), row): grasp for row, grasp in zip(rows, certified, strict=True)}
+    return [(each, found[id(each.judge), each.ranked.row]) for each in bearings]
 
 
 def _best_of_each_set(
@@ -283,10 +294,13 @@ def _certified(
     p_BC, face = work.candidates.p_BC[order], work.face[order]
     polyhedron = work.request.object_.polyhedron
     clearance = edge_distance(polyhedron, p_BC.reshape(-1, 3), face.ravel()).reshape(-1, 3)
-    return tuple(
-        _certified_grasp(work, row, judge.proofs[row], epsilon, float(least))
-        for row, epsilon, least in zip(rows, intervals, clearance.min(axis=1), strict=True)
-    )
+    grasps = [
+        ProvedGrasp(_grasp(work, row), judge.proofs[row], least, epsilon)
+        for row, least, epsilon in zip(rows, clearance.min(axis=1).tolist(), intervals, strict=True)
+    ]
+    object_ = work.request.object_
+    certified = certify_proved(grasps, mass=object_.mass, p_BBcm=object_.p_BBcm, rho=object_.rho)
+    return tuple(replace(each, tip_radius=work.request.tip_radius) for each in certified)
 
 
 def _grasp(work: ProjectedCandidates, row: int) -> Grasp:
@@ -304,23 +318,6 @@ def _grasp(work: ProjectedCandidates, row: int) -> Grasp:
         ),
         _quality(work, row),
     )
-
-
-def _certified_grasp(
-    work: ProjectedCandidates, row: int, proof: Proof, epsilon: Interval | None, clearance: float
-) -> CertifiedGrasp:
-    object_ = work.request.object_
-    certified = certify(
-        _grasp(work, row),
-        mass=object_.mass,
-        p_BBcm=object_.p_BBcm,
-        rho=object_.rho,
-        edge_distance=clearance,
-        proof=proof,
-        epsilon=epsilon,
-    )
-    assert isinstance(certified, CertifiedGrasp)  # it is proved already
-    return replace(certified, tip_radius=work.request.tip_radius)
 
 
 def _quality(work: ProjectedCandidates, row: int) -> Quality | None:

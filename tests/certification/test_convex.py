@@ -11,7 +11,7 @@ from drake_polygrasp.certification.convex import (
     find_escape,
     find_internal_forces,
     friction_at,
-    least_friction,
+    least_frictions,
 )
 from drake_polygrasp.certification.exact import (
     attained_margin,
@@ -87,12 +87,27 @@ def test_the_internal_force_scales_with_one_over_length_and_turns_with_the_frame
     np.testing.assert_allclose(scale * moved, x, rtol=1e-5, atol=1e-5 * np.abs(x).max())
 
 
+def least_friction(p: Array, n: Array, mu: Array, x: Array) -> tuple[float, Array]:
+    """That of one grasp."""
+    (answer,) = least_frictions(p[None], n[None], mu[None], x[None])
+    return answer
+
+
 def test_a_batch_answers_as_one_at_a_time():
     p, n, mu = random_contacts(30, seed=4)
     batch = find_internal_forces(p, n, mu)
     for k in range(30):
         one = find_internal_forces(p[k][None], n[k][None], mu[k][None])[0]
         np.testing.assert_array_equal(one, batch[k])
+
+
+def test_least_frictions_of_a_batch_are_those_of_one_at_a_time():
+    p, n, mu = held_contacts(120, seed=8)
+    x = find_internal_forces(p, n, mu)
+    for k, (mu_min, witness) in enumerate(least_frictions(p, n, mu, x)):
+        one, alone = least_friction(p[k], n[k], mu[k], x[k])
+        assert mu_min == one
+        np.testing.assert_array_equal(witness, alone)
 
 
 @pytest.mark.parametrize("phi", [0.05, 0.2, 0.28])
