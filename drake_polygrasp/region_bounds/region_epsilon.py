@@ -21,11 +21,12 @@ from drake_polygrasp.certification.robustness import GRAVITY
 from drake_polygrasp.digits import at_least, at_most
 from drake_polygrasp.region_bounds.ceiling import Ceiling, Compare
 from drake_polygrasp.region_bounds.contest import Contest, LostError
+from drake_polygrasp.region_bounds.first_facets import FirstFacets
 from drake_polygrasp.region_bounds.load_norm import LoadNorm
 from drake_polygrasp.region_bounds.ranging_contacts import HAIR, RangingContacts, ranging_contacts
 from drake_polygrasp.region_bounds.region_task import RegionTask
-from drake_polygrasp.region_bounds.side_by_side import Search, run_side_by_side
-from drake_polygrasp.region_bounds.simplex_cycle import encloses, first_hull, is_closed, with_point
+from drake_polygrasp.region_bounds.side_by_side import Search, result_of, run_side_by_side
+from drake_polygrasp.region_bounds.simplex_cycle import encloses, is_closed
 from drake_polygrasp.region_bounds.swept_facets import (
     Refinement,
     SweptFacets,
@@ -57,8 +58,6 @@ _MOST_CRITICAL = 12
 _DIGITS = 9
 """Our choice: decimals of what is compared."""
 _FIRST_TURNS = np.array([0.3, 1.9, 3.4, 5.0])
-_MOST_FIRST = 40
-"""Our choice: generators that are added at most to the first hull."""
 _ROUNDING = 1e-12
 """A height is a sum of six products below 2 (1 + mu), each off by a few times 2^-53 of that: this
 much, times 1 + mu, is taken off heights for it, and of their quotients for the norms' roundings."""
@@ -271,9 +270,11 @@ def _attempt(
 ) -> Search[_Outcome]:
     """Proves what facets of a hull prove that is within a gap of its support."""
     generators = SweptGenerators(problem.contacts)
-    simplices, w = _first_facets(generators, gap)
-    has_friction = bool(problem.contacts.cones.mu.min() > 0.0)
-    is_around = has_friction and encloses(generators.middle, simplices)
+    generators.add_rims(_FIRST_TURNS)
+    first = yield from result_of(FirstFacets(generators, gap))
+    generators.add(first.contact, first.force)
+    simplices, w = first.simplices, first.twists
+    is_around = first.is_around and bool(problem.contacts.cones.mu.min() > 0.0)
     proofs: list[FacetProof | None] = []
     is_open = False
     for norm in norms:
@@ -312,27 +313,6 @@ def _critical(contacts: RangingContacts) -> Array:
     place = contacts.middles()[None], cones.frames[None, :, 0], cones.mu[None]
     critical, _ = critical_directions(*place, np.zeros(3), 1.0, num=_MOST_CRITICAL)
     return np.asarray(np.round(critical[0], _DIGITS))
-
-
-def _first_facets(generators: SweptGenerators, gap: float) -> tuple[Ints, Array]:
-    """The facets of a hull, as simplices and twists; none where the generators are flat."""
-    generators.add_rims(_FIRST_TURNS)
-    first = first_hull(generators.middle)
-    if first is None:
-        return np.zeros((0, 6), dtype=int), np.zeros((0, 6))
-    hull, order = first
-    for k in range(len(generators)):
-        if k not in order:
-            hull = with_point(hull, generators.middle, k)
-    for _ in range(_MOST_FIRST):
-        w, offset = hull.twists()
-        lowest = int(np.round(offset, _DIGITS).argmin())
-        generators.add_best_at_middles(w[lowest])
-        reached = float((generators.middle[-1] * w[lowest]).sum())
-        if reached <= max(float(offset[lowest]) * (1.0 + gap), 0.0):
-            break
-        hull = with_point(hull, generators.middle, len(generators) - 1)
-    return hull.simplices, hull.twists()[0]
 
 
 def _proved(generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm) -> FacetProof | None:

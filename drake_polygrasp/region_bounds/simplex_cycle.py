@@ -1,4 +1,4 @@
-"""Builds closed surfaces of 5-simplices in the space of wrenches, such as hulls.
+"""Works on closed surfaces of 5-simplices in the space of wrenches.
 
 A surface is a list of simplices, rows of six ascending indices of points. Five of them are a ridge.
 A surface is closed if every ridge is in an even number of its simplices: a cycle modulo 2, which
@@ -8,7 +8,6 @@ has no boundary wherever its points move.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,95 +23,6 @@ _FLAT = 1e12
 """Our choice: solutions are greater only if points and origin are in one hyperplane."""
 _CLEAR = 1e-6
 """Our choice: least relative distance of a ray from the rims of simplices."""
-_VISIBLE = 1e-10
-"""Our choice: relative height above a facet from which a point counts as outside."""
-
-
-@dataclass(frozen=True, eq=False)
-class Hull:
-    """A convex hull whose facets are simplices.
-
-    Attributes:
-        inside: a point inside, shape (6,).
-        simplices: the facets, rows of six ascending indices of points, shape (J, 6).
-        normals: vectors w such that w.(x - inside) <= 1 for all points x of the hull, with equality
-            on the facet, shape (J, 6).
-    """
-
-    inside: Array
-    simplices: Ints
-    normals: Array
-
-    def twists(self) -> tuple[Array, Array]:
-        """Returns facets as unit normals, shape (J, 6), and distances from the origin, (J,)."""
-        length = np.sqrt((self.normals * self.normals).sum(axis=1))
-        offset = 1.0 + (self.normals * self.inside).sum(axis=1)
-        return self.normals / length[:, None], offset / length
-
-
-def first_hull(points: Array) -> tuple[Hull, Ints] | None:
-    """Returns the hull of seven points that span the space, and their indices.
-
-    Args:
-        points: wrenches, shape (G, 6).
-
-    Returns:
-        The hull and the ascending indices, shape (7,); None if the points lie in a hyperplane.
-    """
-    chosen = [int((points * points).sum(axis=1).argmax())]
-    rest = points - points[chosen[0]]
-    scale = (rest * rest).sum(axis=1).max()
-    basis: list[Array] = []
-    for _ in range(6):
-        square = (rest * rest).sum(axis=1)
-        farthest = int(square.argmax())
-        if square[farthest] <= 1e-12 * scale:
-            return None
-        chosen.append(farthest)
-        basis.append(rest[farthest] / np.sqrt(square[farthest]))
-        rest = rest - (rest * basis[-1]).sum(axis=1)[:, None] * basis[-1]
-    order = np.sort(np.array(chosen))
-    simplices = order[np.array(list(itertools.combinations(range(7), 6)))]
-    inside = points[order].mean(axis=0)
-    normals = solve((points[simplices] - inside).transpose(1, 2, 0), np.ones((6, 7))).T
-    return Hull(inside, simplices, normals), order
-
-
-def with_point(hull: Hull, points: Array, new: int) -> Hull:
-    """Adds a point to a hull: facets that see it are replaced by the cone from it.
-
-    The plane of a new facet is the combination of the two planes at its ridge that contains the
-    point, so no equations are solved.
-
-    Args:
-        hull: hull of some of the points.
-        points: wrenches, shape (G, 6).
-        new: index of the point to add.
-
-    Returns:
-        The hull with the point.
-    """
-    height = (hull.normals * (points[new] - hull.inside)).sum(axis=1)
-    visible = height > 1.0 + _VISIBLE
-    if not visible.any():
-        return hull
-    keys, rows = _ridge_keys(hull.simplices), np.repeat(np.arange(len(visible)), 6)
-    flat, seen = keys.ravel(), visible[rows]
-    seen_keys, seen_at = flat[seen], np.flatnonzero(seen)
-    hidden_at = np.flatnonzero(~seen)
-    hidden_at = hidden_at[np.argsort(flat[hidden_at], kind="stable")]
-    place = np.searchsorted(flat[hidden_at], seen_keys)
-    place = np.minimum(place, len(hidden_at) - 1)
-    rim = flat[hidden_at][place] == seen_keys
-    near, far = rows[seen_at[rim]], rows[hidden_at[place[rim]]]
-    share = ((1.0 - height[far]) / (height[near] - height[far]))[:, None]
-    normals = share * hull.normals[near] + (1.0 - share) * hull.normals[far]
-    ridges = hull.simplices[:, _FIVES].reshape(-1, 5)[seen_at[rim]]
-    return Hull(
-        hull.inside,
-        np.concatenate([hull.simplices[~visible], coned(ridges, new)]),
-        np.concatenate([hull.normals[~visible], normals]),
-    )
 
 
 def _ridge_keys(simplices: Ints) -> Ints:

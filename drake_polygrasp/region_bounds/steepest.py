@@ -1,32 +1,31 @@
 """Finds the twist of a simplex of generators along which the least of its heights is greatest.
 
-That twist is the shortest that keeps all heights at one or above. Newton's method with a line
-search finds it for a quadratic penalty on what is below, ever stiffer, for many simplices at once.
+That twist is the shortest that keeps all heights at one or above, a quadratic program in six
+unknowns. A dual active-set method solves it (Goldfarb & Idnani, 1983) for many simplices at once:
+it begins with the lowest corner of each generator at one, lets corners go that hold the twist back,
+and takes in the lowest corner that is below one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints, batches
+from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.region_bounds.load_norm import LoadNorm
 from drake_polygrasp.region_bounds.side_by_side import Work
 from drake_polygrasp.region_bounds.simplex_cycle import solve_definite
 from drake_polygrasp.region_bounds.swept_generators import CORNERS_AT_ONCE, SweptGenerators
 
-_SOFT, _STIFFER, _STIFF = 10.0, 30.0, 1e4
-"""Our choice: the penalty at first, its factor where Newton's method is near, and the greatest."""
-_MOST_STEPS = 16
-"""Our choice: steps of Newton's method; a median facet needs 4."""
-_NEAR = 1e-2
-"""Our choice, relative: a step of Newton's method that is less is near."""
-_LEVEL = 0.1
-"""Our choice: a line search ends where the slope is less than this part of that at its start."""
-_SECANTS, _LEAST_PART = 4, 0.02
-"""Our choice: secants of a line search, and the least part of a step that is taken."""
+_MOST_STEPS = 20
+"""Our choice: changes of corners at one; three of four facets need one."""
+_NEAR = 1e-3
+"""Our choice: heights less than this below one are enough, and so is a value within this of another
+that counted fewer corners, relative."""
+_FALLS = 1e-9
+"""Our choice: a share that falls by less is rounding."""
 _DIGITS = 9
 """Our choice: decimals of twists."""
 _MOST_PASSES = 3
@@ -161,29 +160,92 @@ def _raised_block(a: Array, w: Array, norm: LoadNorm, enough: Array) -> tuple[Ar
     best, rows, goal = w.copy(), np.arange(len(w)), enough
     heights = _paired(a, w)
     best_value = heights.min(axis=1) / norm.of(w)
-    w, heights = w / enough[:, None], heights / enough[:, None]
-    stiffness = np.full(len(rows), _SOFT)
+    num = a.shape[2] // 6
+    tight = (heights.reshape(-1, 6, num).argmin(axis=2) + num * np.arange(6)).T
+    is_tight = np.ones_like(tight, dtype=bool)
     for _ in range(_MOST_STEPS):
-        metric = norm.squares(w) * (goal * goal)[:, None]
-        new = _newton(a, heights, stiffness, metric)
-        new = np.where(np.all(np.isfinite(new), axis=1, keepdims=True), new, w)
-        step = new - w
-        rise = _paired(a, step)
-        part = _line_search(w, step, heights, rise, stiffness, metric)[:, None]
-        is_near = np.abs(step).max(axis=1) <= _NEAR * np.abs(new).max(axis=1)
-        w = w + part * step
-        heights = heights + part * rise
+        at = np.arange(len(rows)) * a.shape[2] + tight
+        corners = a.reshape(6, -1).take(at, axis=1) * is_tight
+        shortest = _Shortest.of(corners, is_tight, norm.squares(w).T)
+        w = shortest.twists()
+        heights = _paired(a, w)
         value = heights.min(axis=1) / norm.of(w)
         better = value > best_value[rows]
         best[rows[better]], best_value[rows[better]] = _rounded(w[better]), value[better]
-        stiffness = np.where(is_near, stiffness * _STIFFER, stiffness)
-        left = (best_value[rows] < goal) & (stiffness <= _STIFF)
-        if not left.any():
+        is_tight = is_tight & (shortest.share >= 0.0)
+        lets_go = (is_tight != shortest.is_tight).any(axis=0)
+        lowest = heights.argmin(axis=1)
+        lack = 1.0 - heights[np.arange(len(rows)), lowest]
+        left = np.flatnonzero((best_value[rows] < goal) & (lets_go | (lack > _NEAR)))
+        if not len(left):
             break
-        if not left.all():
-            rows, w, heights, stiffness = rows[left], w[left], heights[left], stiffness[left]
-            a, norm, goal = a[:, left], norm.take(left), goal[left]
+        rows, w, goal, norm = rows[left], w[left], goal[left], norm.take(left)
+        a, tight = a.take(left, axis=1), tight.take(left, axis=1)
+        is_tight = is_tight.take(left, axis=1)
+        k = np.flatnonzero(~lets_go[left])
+        new = lowest[left[k]]
+        slot = shortest.take(left[k]).slots(a[:, k, new], lack[left[k]])
+        tight[slot, k], is_tight[slot, k] = new, True
     return best, best_value
+
+
+@dataclass(frozen=True, eq=False)
+class _Shortest:
+    """The shortest twists that give the corners in six slots, some of them free, height one.
+
+    Attributes:
+        is_tight: which slots have a corner, shape (6, J).
+        metric: factors whose sum with a twist's squares is its squared length, shape (6, J).
+        scaled: wrenches of the corners over these, zero in free slots, shape (6, 6, J), slots
+            second.
+        gram: how corners pair with scaled ones, shape (6, 6, J).
+        share: of each scaled wrench in the twist, shape (6, J). A negative one belongs to a corner
+            that holds the twist back: without it a shorter twist does.
+    """
+
+    is_tight: Bools
+    metric: Array
+    scaled: Array
+    gram: Array
+    share: Array
+
+    @classmethod
+    def of(cls, corners: Array, is_tight: Bools, metric: Array) -> _Shortest:
+        """Returns the twists for wrenches of corners, zero in free slots, (6, 6, J)."""
+        scaled = corners / metric[:, None]
+        gram = np.einsum("csj,ctj->stj", scaled, corners)
+        gram[range(6), range(6)] += ~is_tight
+        share = solve_definite(gram, is_tight.astype(float))
+        share = np.where(np.isfinite(share), share, -1.0) * is_tight
+        return cls(is_tight, metric, scaled, gram, share)
+
+    def take(self, rows: Ints) -> _Shortest:
+        """Returns some of the twists."""
+        columns = (getattr(self, field.name) for field in fields(self))
+        return _Shortest(*(column.take(rows, axis=-1) for column in columns))
+
+    def twists(self) -> Array:
+        """Returns the twists, shape (J, 6)."""
+        return np.asarray(np.einsum("csj,sj->jc", self.scaled, self.share))
+
+    def slots(self, corner: Array, lack: Array) -> Ints:
+        """Returns the slot for one more corner of each twist, shape (J,).
+
+        While the twist turns until the new corner has height one, shares of the others fall. The
+        slot of the first whose share vanishes is taken, or a free one if none does.
+
+        Args:
+            corner: wrenches of the corners, shape (6, J).
+            lack: by how much their heights are below one, shape (J,).
+        """
+        fall = solve_definite(self.gram, np.einsum("csj,cj->sj", self.scaled, corner))
+        fall = np.where(self.is_tight, fall, 0.0)
+        turn = corner / self.metric - np.einsum("csj,sj->cj", self.scaled, fall)
+        rise = np.maximum((corner * turn).sum(axis=0), 1e-300)
+        parts = np.where(fall > _FALLS, self.share / np.maximum(fall, _FALLS), np.inf)
+        goes = self.is_tight.all(axis=0) | (parts.min(axis=0) <= lack / rise)
+        slot: Ints = np.where(goes, parts.argmin(axis=0), self.is_tight.argmin(axis=0))
+        return slot
 
 
 def _rounded(w: Array) -> Array:
@@ -195,45 +257,3 @@ def _rounded(w: Array) -> Array:
 def _paired(a: Array, w: Array) -> Array:
     """The heights of wrenches (6, J, N) along a twist each, (J, N)."""
     return np.asarray(np.einsum("kjn,jk->jn", a, w))
-
-
-def _newton(a: Array, heights: Array, stiffness: Array, metric: Array) -> Array:
-    """The least of w.Mw + stiffness |1 - a w|^2 over 2, a what is below one at w, (J, 6)."""
-    below = a * np.where(heights < 1.0, stiffness[:, None], 0.0)
-    A = np.einsum("ijn,kjn->ikj", below, a)
-    for i in range(6):
-        A[i, i] += metric[:, i]
-    return solve_definite(A, below.sum(axis=2)).T
-
-
-def _line_search(
-    w: Array, step: Array, heights: Array, rise: Array, stiffness: Array, metric: Array
-) -> Array:
-    """The part of each step, at most 1, at which the penalised length is nearly least, (J,).
-
-    It is convex, so its slope has one zero, which secants find.
-    """
-    first, second = (metric * step * w).sum(axis=1), (metric * step * step).sum(axis=1)
-
-    def slope(part: Array, rows: Ints) -> Array:
-        lack = np.maximum(1.0 - heights[rows] - part[:, None] * rise[rows], 0.0)
-        pull = np.einsum("jn,jn->j", lack, rise[rows])
-        return np.asarray(first[rows] + part * second[rows] - stiffness[rows] * pull)
-
-    part = np.ones(len(w))
-    rows = np.arange(len(w))
-    below, above = slope(np.zeros(len(w)), rows), slope(part, rows)
-    rows = np.flatnonzero(above > _LEVEL * np.abs(below))
-    if not len(rows):
-        return part
-    below, above, low, high = below[rows], above[rows], np.zeros(len(rows)), np.ones(len(rows))
-    for _ in range(_SECANTS):
-        middle = low + (high - low) * np.clip(
-            below / np.minimum(below - above, -1e-300), 0.05, 0.95
-        )
-        s = slope(middle, rows)
-        falls = s < 0
-        low, below = np.where(falls, middle, low), np.where(falls, s, below)
-        high, above = np.where(falls, high, middle), np.where(falls, above, s)
-    part[rows] = np.where(-below < above, np.maximum(low, _LEAST_PART), high)
-    return part

@@ -16,7 +16,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, batches
 from drake_polygrasp.region_bounds.ranging_contacts import RangingContacts
-from drake_polygrasp.vectors import cross, dot
+from drake_polygrasp.vectors import cross
 
 _DIGITS = 9
 """Our choice: decimals of forces, so that what follows from them does not hang on last bits."""
@@ -25,8 +25,6 @@ _UNEVEN = 2e-6
 six of them: four of one cone would span a flat one."""
 CORNERS_AT_ONCE = 32768
 """Our choice: how many corners are paired at once, for their arrays to fit a processor's cache."""
-_TIE = 10
-"""Our choice: decimals of heights that are compared, for less is rounding."""
 
 
 class SweptGenerators:
@@ -39,6 +37,8 @@ class SweptGenerators:
             contacts of fewer pieces.
         middle: wrenches at the middles of the pieces of reference, shape (G, 6).
         pieces: the pieces of each contact, some repeated, shape (3, S).
+        middles: middle of each contact's piece of reference, shape (3, 3).
+        reference: which of its contact's pieces that is, shape (3,).
     """
 
     def __init__(self, contacts: RangingContacts) -> None:
@@ -54,8 +54,8 @@ class SweptGenerators:
         self.pieces = np.stack(
             [np.concatenate([p, np.repeat(p[-1:], most - len(p))]) for p in pieces]
         )
-        self._middles = contacts.middles()
-        self._reference = contacts.reference - np.array([piece[0] for piece in pieces])
+        self.middles = contacts.middles()
+        self.reference = contacts.reference - np.array([piece[0] for piece in pieces])
         self.contact = np.zeros(0, dtype=int)
         self.force = np.zeros((0, most, 3))
         self.middle = np.zeros((0, 6))
@@ -85,9 +85,8 @@ class SweptGenerators:
             force: one for each piece of the contact, shape (N, S, 3).
         """
         k = len(self) + np.arange(len(contact))
-        hair = 1.0 - _UNEVEN * (1.0 + (k * 0.6180339887) % 1.0)
-        force = np.asarray(np.round(force * hair[:, None, None], _DIGITS) + 0.0)
-        first, r = force[np.arange(len(k)), self._reference[contact]], self._middles[contact]
+        force = uneven(force, k)
+        first, r = force[np.arange(len(k)), self.reference[contact]], self.middles[contact]
         corners = self._corners_of(contact, force)
         self.contact = np.concatenate([self.contact, contact])
         self.force = np.concatenate([self.force, force])
@@ -114,14 +113,16 @@ class SweptGenerators:
         count = len(self.contacts.contact)
         turned = np.repeat(turns[:, None], count, axis=1)
         forces = self.contacts.cones.forces(turned, np.ones((len(turns), count)))
-        for i in range(3):
-            self.add(np.full(len(turns), i), forces[:, self.pieces[i]])
+        self.add(
+            np.repeat(np.arange(3), len(turns)),
+            forces[:, self.pieces].transpose(1, 0, 2, 3).reshape(-1, *self.force.shape[1:]),
+        )
 
     def _corners_of(self, contact: Ints, force: Array) -> Array:
         """Wrenches at every corner, (6, N, V)."""
         r = self.contacts.r_V[self.pieces[contact]]
         f = np.broadcast_to(force[:, :, None], r.shape)
-        wrenches = np.concatenate([f, cross(r, f)], axis=-1).reshape(len(contact), -1, 6)
+        wrenches = np.concatenate([f, cross(r, f)], axis=-1).reshape(len(r), self.num_corners, 6)
         return np.ascontiguousarray(wrenches.transpose(2, 0, 1))
 
     def at_corners(self, which: Ints) -> Array:
@@ -130,7 +131,7 @@ class SweptGenerators:
         Args:
             which: generators, shape (J, N).
         """
-        return np.asarray(self._corners[:, which].reshape(6, len(which), -1))
+        return np.asarray(self._corners.take(which, axis=1).reshape(6, len(which), -1))
 
     def heights(self, w: Array, which: Ints) -> Array:
         """Returns the least that generators pair to with a twist, over corners, shape (J, N).
@@ -141,8 +142,8 @@ class SweptGenerators:
         """
         heights = np.empty(which.shape)
         for rows in batches(len(which), CORNERS_AT_ONCE // (which.shape[1] * self.num_corners)):
-            corners = self._corners[:, which[rows]]
-            heights[rows] = np.einsum("kjnv,jk->jnv", corners, w[rows]).min(axis=-1)
+            paired = np.einsum("kjn,jk->jn", self.at_corners(which[rows]), w[rows])
+            heights[rows] = paired.reshape(*which[rows].shape, -1).min(axis=-1)
         return heights
 
     def heights_of_each(self, w: Array, which: Ints) -> Array:
@@ -152,7 +153,7 @@ class SweptGenerators:
             w: twists, shape (K, 6).
             which: generators, shape (N,).
         """
-        return _least_heights(self._corners[:, which], w)
+        return _least_heights(self._corners.take(which, axis=1), w)
 
     def heights_of(self, w: Array, contact: Ints, force: Array) -> Array:
         """Returns the least heights of generators that need not have been added, shape (K, N).
@@ -164,19 +165,16 @@ class SweptGenerators:
         """
         return _least_heights(self._corners_of(contact, force), w)
 
-    def add_best_at_middles(self, w: Array) -> None:
-        """Adds the generator on the rims of cones that pairs most with a twist at the middles.
 
-        Args:
-            w: the twist, shape (6,).
-        """
-        c, middles = self.contacts, self._middles
-        u = w[:3] + cross(w[3:], middles)
-        across = dot(c.cones.frames[:, 1:], u[c.contact][:, None])
-        force = c.cones.forces(np.arctan2(across[:, 1], across[:, 0]), np.ones(len(across)))
-        heights = dot(force[c.reference], u)
-        best = int(np.round(heights, _TIE).argmax())
-        self.add(np.array([best]), force[self.pieces[best]][None])
+def uneven(force: Array, index: Ints) -> Array:
+    """Returns forces as generators have them, rounded and shortened by a hair each.
+
+    Args:
+        force: shape (N, S, 3).
+        index: of the generators, shape (N,), or one for all, shape (1,).
+    """
+    hair = 1.0 - _UNEVEN * (1.0 + (index * 0.6180339887) % 1.0)
+    return np.asarray(np.round(force * hair[:, None, None], _DIGITS) + 0.0)
 
 
 def _least_heights(corners: Array, w: Array) -> Array:
