@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Batch, Ints
+from drake_polygrasp.arrays import Array, Batch, Bools, Ints
 from drake_polygrasp.digits import significant
 from drake_polygrasp.vectors import cross, cross_first, dot, unit
 
@@ -43,6 +43,19 @@ _CORNERS: Ints = np.array(list(itertools.combinations(range(_KEPT + _NEW + 4), 3
 """The planes that meet at each corner of a linear program: kept ones, new ones and the square."""
 _NEW_CORNERS = _CORNERS[:, ((_CORNERS >= _KEPT) & (_CORNERS < _KEPT + _NEW)).any(axis=0)]
 """Those on a new plane."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Losses(Batch):
+    """The greatest losses of u.f_i in the regions, as functions of x.
+
+    Attributes:
+        signs: whether the factor of each contact point in each f_i is positive, shape (N, S, 3).
+        loss: the greatest loss is loss . x for all x with these signs, shape (N, S, 3, T).
+    """
+
+    signs: Bools
+    loss: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +91,18 @@ class HalfSpaces(Batch):
         best, most = self.start.copy(), np.full(len(self.start), -np.inf)
         is_open, is_lost = np.full(len(best), True), np.full(len(best), False)
         here, x, corners = self, self.start, _CORNERS
-        rows = self._first_rows()
-        losses = _at(self._loss(x), rows)
+        worst, rows = self._losses(x), self._first_rows()
+        losses = _at(worst.loss, rows)
         for _ in range(_MAX_STEPS):
-            loss = here._loss(x)
-            value = here._value(loss, x, as_scale)
+            worst = here._losses(x, worst)
+            value = here._value(worst, x, as_scale)
             reached = value.min(axis=(1, 2))
             better = reached > most[is_open]
             best[is_open] = np.where(better[:, None], x, best[is_open])
             most[is_open] = highest = np.where(better, reached, most[is_open])
             new = here._worst_rows(value)
             rows = np.concatenate([rows, new], axis=1)
-            losses = np.concatenate([losses, _at(loss, new)], axis=1)
+            losses = np.concatenate([losses, _at(worst.loss, new)], axis=1)
             planes, weights = _at(here.nominal, rows), np.ones(rows.shape)
             if as_scale:
                 planes = planes - highest[:, None, None] * losses
@@ -113,7 +126,8 @@ class HalfSpaces(Batch):
             rows = np.take_along_axis(rows, kept, axis=1)
             losses = np.take_along_axis(losses, kept[..., None], axis=1)
             if ended.any():
-                here, x, rows, losses = here.take(stay), x[stay], rows[stay], losses[stay]
+                here, worst = here.take(stay), worst.take(stay)
+                x, rows, losses = x[stay], rows[stay], losses[stay]
         x, reached = self._printed(best, as_scale)
         return x, np.where(is_lost, -np.inf, reached)
 
@@ -122,28 +136,41 @@ class HalfSpaces(Batch):
 
         The best x may leave one contact without force, and zero is strictly inside no cone.
         """
-        tried, reached = [], []
+        tried, reached, worst = [], [], None
         for part in _STEPS_BACK:
             x = best + part * (self.start - best)
             rounded = np.round(x / np.abs(x).max(axis=1, keepdims=True), _RESOLVED_DIGITS)
             x = significant(rounded / dot(self.push, rounded)[:, None])
+            worst = self._losses(x, worst)
             tried.append(x)
-            reached.append(self._value(self._loss(x), x, as_scale).min(axis=(1, 2)))
+            reached.append(self._value(worst, x, as_scale).min(axis=(1, 2)))
         n, k = np.arange(len(best)), np.argmax(reached, axis=0)
         return np.stack(tried)[k, n], np.stack(reached)[k, n]
 
-    def _loss(self, x: Array) -> Array:
-        """Returns the greatest loss of u.f_i in the regions: loss . x near x, (N, S, 3, T)."""
-        factors = FACTORS[self.contact]
-        is_positive = np.einsum("nskx,nx->nsk", factors, x) > 0
-        at_worst = np.where(is_positive[..., None], self.lowest, self.highest)
-        loss: Array = np.einsum("nskt,nskx->nsxt", at_worst, -factors)
-        return loss
+    def _losses(self, x: Array, last: _Losses | None = None) -> _Losses:
+        """Returns the greatest losses near x; only signs that differ from the last ones cost time.
 
-    def _value(self, loss: Array, x: Array, as_scale: bool) -> Array:
+        Args:
+            x: shape (N, 3).
+            last: the losses near another x; None if there are none.
+        """
+        factors = FACTORS[self.contact]
+        signs = np.einsum("nskx,nx->nsk", factors, x) > 0
+        if last is not None:
+            changed = (signs != last.signs).any(axis=(1, 2))
+            if not changed.any():
+                return last
+            if not changed.all():
+                loss = last.loss.copy()
+                loss[changed] = self.take(changed)._losses(x[changed]).loss
+                return _Losses(signs, loss)
+        at_worst = np.where(signs[..., None], self.lowest, self.highest)
+        return _Losses(signs, np.einsum("nskt,nskx->nsxt", at_worst, -factors))
+
+    def _value(self, worst: _Losses, x: Array, as_scale: bool) -> Array:
         """Returns the room, or the scale, that each half-space leaves, shape (N, S, T)."""
         gain = np.einsum("nsxt,nx->nst", self.nominal, x)
-        cost = np.einsum("nsxt,nx->nst", loss, x)
+        cost = np.einsum("nsxt,nx->nst", worst.loss, x)
         value: Array = gain / np.maximum(cost, _LEAST_WEIGHT) if as_scale else gain - cost
         return value
 
