@@ -16,8 +16,11 @@ from drake_polygrasp.region_bounds.side_by_side import Work
 from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
 from drake_polygrasp.vectors import cross_first
 
-_TURNS = 2.0 * np.pi * np.arange(24) / 24
-_SHARES = np.array([1.0, 0.6, 0.2])
+_NUM_TURNS = 24
+_TURNS = np.append(np.repeat(2.0 * np.pi * np.arange(_NUM_TURNS) / _NUM_TURNS, 3), 0.0)
+_SHARES = np.append(np.tile([1.0, 0.6, 0.2], _NUM_TURNS), 0.0)
+"""Our choice: directions around the normal [rad], each with the shares of the friction that forces in
+it use at first; and the normal itself."""
 _REFINEMENTS = 5
 """Our choice: halvings of the steps; the last is of 0.008 rad, which is 3e-5 of the friction."""
 _STEPS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)], dtype=float)
@@ -63,22 +66,20 @@ class BestForces(Work[tuple[Ints, Array, Array]]):
         twists = np.concatenate(w).T
         # Components first, then corners: sums and minima then run over whole arrays.
         velocities = twists[:3, None] + cross_first(twists[3:, None], r_V.transpose(2, 1, 0))
-        turns = np.append(np.repeat(_TURNS, len(_SHARES)), 0.0)
-        shares = np.append(np.tile(_SHARES, len(_TURNS)), 0.0)
-        turns, shares = (np.repeat(x[:, None], twists.shape[1], axis=1) for x in (turns, shares))
-        turn_step, share_step, steps = np.pi / len(_TURNS), 0.2, _STEPS[:, :, None]
+        turns, shares, columns = _TURNS[:, None], _SHARES[:, None], np.arange(twists.shape[1])
+        turn_step, share_step, steps = np.pi / _NUM_TURNS, 0.2, _STEPS[:, :, None]
         for _ in range(_REFINEMENTS + 1):
             force = cones.forces(turns, shares)
-            f, u = force.transpose(2, 0, 1), velocities[:, :, None]
+            f, u = np.ascontiguousarray(force.transpose(2, 0, 1)), velocities[:, :, None]
             heights = (f[0] * u[0] + f[1] * u[1] + f[2] * u[2]).min(axis=0)
-            best = np.round(heights, _TIE).argmax(axis=0)[None]
-            turn, share, reached = (
-                np.take_along_axis(x, best, 0)[0] for x in (turns, shares, heights)
+            best = np.round(heights, _TIE).argmax(axis=0)
+            turn, share = (
+                np.broadcast_to(x, heights.shape)[best, columns] for x in (turns, shares)
             )
-            found = np.take_along_axis(force, best[..., None], 0)[0]
             turns = turn + steps[:, 0] * turn_step
             shares = np.clip(share + steps[:, 1] * share_step, 0.0, 1.0)
             turn_step, share_step = turn_step / 2, share_step / 2
+        found, reached = force[best, columns], heights[best, columns]
         ends = np.cumsum([len(k) for k in piece])[:-1]
         return [
             _best_of(work, part, height)
