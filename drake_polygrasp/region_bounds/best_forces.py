@@ -19,8 +19,8 @@ from drake_polygrasp.vectors import cross_first
 _NUM_TURNS = 24
 _TURNS = np.append(np.repeat(2.0 * np.pi * np.arange(_NUM_TURNS) / _NUM_TURNS, 3), 0.0)
 _SHARES = np.append(np.tile([1.0, 0.6, 0.2], _NUM_TURNS), 0.0)
-"""Our choice: directions around the normal [rad], each with the shares of the friction that forces in
-it use at first; and the normal itself."""
+"""Our choice: directions around the normal [rad], with the shares of the friction that forces along
+them use at first; and the normal itself."""
 _REFINEMENTS = 5
 """Our choice: halvings of the steps; the last is of 0.008 rad, which is 3e-5 of the friction."""
 _STEPS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)], dtype=float)
