@@ -12,6 +12,7 @@ import itertools
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints, distinct_values
+from drake_polygrasp.vectors import cross_first
 
 MOST_POINTS = 512
 """Our choice: most points, so that an index has nine bits in a key."""
@@ -172,25 +173,31 @@ def solve(matrices: Array, right: Array) -> Array:
     return b
 
 
-def solve_definite(matrices: Array, right: Array) -> Array:
-    """Returns x of A x = b for many small symmetric positive definite systems.
+def inverse_definite(matrices: Array) -> Array:
+    """Returns the inverses of many symmetric positive definite matrices, by blocks of three.
 
-    Like `solve`, but needs no pivots.
+    Like `solve`, the same on every processor.
 
     Args:
-        matrices: the matrices A, shape (n, n, J).
-        right: the right-hand sides b, shape (n, J).
+        matrices: shape (6, 6, J).
 
     Returns:
-        The solutions x, shape (n, J); not finite if a matrix is singular.
+        The inverses, same shape; not finite if a matrix is singular.
     """
-    n = len(matrices)
-    A = np.concatenate([matrices, right[:, None]], axis=1)
+    P, Q, R = matrices[:3, :3], matrices[:3, 3:], matrices[3:, 3:]
     with np.errstate(all="ignore"):
-        for k in range(n - 1):
-            A[k + 1 :, k + 1 :] -= (A[k + 1 :, k] / A[k, k])[:, None] * A[k, k + 1 :]
-        x = A[:, n]
-        for k in range(n - 1, -1, -1):
-            x[k] /= A[k, k]
-            x[:k] -= A[:k, k] * x[k]
-    return x
+        P_inverse = _inverse_of_three(P)
+        X = np.einsum("abj,bcj->acj", P_inverse, Q)
+        corner = _inverse_of_three(R - np.einsum("baj,bcj->acj", Q, X))
+        Y = np.einsum("abj,bcj->acj", X, corner)
+        inverse = np.empty_like(matrices)
+        inverse[:3, :3] = P_inverse + np.einsum("abj,cbj->acj", Y, X)
+    inverse[:3, 3:], inverse[3:, :3] = -Y, -Y.transpose(1, 0, 2)
+    inverse[3:, 3:] = corner
+    return inverse
+
+
+def _inverse_of_three(matrices: Array) -> Array:
+    """The inverses of symmetric matrices, (3, 3, J), by their cofactors."""
+    cofactors = cross_first(matrices[:, [1, 2, 0]], matrices[:, [2, 0, 1]])
+    return np.asarray(cofactors / np.einsum("aj,aj->j", matrices[:, 0], cofactors[:, 0]))

@@ -16,7 +16,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.region_bounds.load_norm import LoadNorm
 from drake_polygrasp.region_bounds.side_by_side import Work
-from drake_polygrasp.region_bounds.simplex_cycle import solve_definite
+from drake_polygrasp.region_bounds.simplex_cycle import inverse_definite
 from drake_polygrasp.region_bounds.swept_generators import CORNERS_AT_ONCE, SweptGenerators
 
 _MOST_STEPS = 20
@@ -198,7 +198,7 @@ class _Shortest:
         metric: factors whose sum with a twist's squares is its squared length, shape (6, J).
         scaled: wrenches of the corners over these, zero in free slots, shape (6, 6, J), slots
             second.
-        gram: how corners pair with scaled ones, shape (6, 6, J).
+        inverse: of how corners pair with scaled ones, shape (6, 6, J); 1 for free slots.
         share: of each scaled wrench in the twist, shape (6, J). A negative one belongs to a corner
             that holds the twist back: without it a shorter twist does.
     """
@@ -206,7 +206,7 @@ class _Shortest:
     is_tight: Bools
     metric: Array
     scaled: Array
-    gram: Array
+    inverse: Array
     share: Array
 
     @classmethod
@@ -215,9 +215,10 @@ class _Shortest:
         scaled = corners / metric[:, None]
         gram = np.einsum("csj,ctj->stj", scaled, corners)
         gram[range(6), range(6)] += ~is_tight
-        share = solve_definite(gram, is_tight.astype(float))
+        inverse = inverse_definite(gram)
+        share = np.einsum("stj,tj->sj", inverse, is_tight.astype(float))
         share = np.where(np.isfinite(share), share, -1.0) * is_tight
-        return cls(is_tight, metric, scaled, gram, share)
+        return cls(is_tight, metric, scaled, inverse, share)
 
     def take(self, rows: Ints) -> _Shortest:
         """Returns some of the twists."""
@@ -238,12 +239,12 @@ class _Shortest:
             corner: wrenches of the corners, shape (6, J).
             lack: by how much their heights are below one, shape (J,).
         """
-        fall = solve_definite(self.gram, np.einsum("csj,cj->sj", self.scaled, corner))
-        fall = np.where(self.is_tight, fall, 0.0)
+        paired = np.einsum("csj,cj->sj", self.scaled, corner)
+        fall = np.einsum("stj,tj->sj", self.inverse, paired)
         turn = corner / self.metric - np.einsum("csj,sj->cj", self.scaled, fall)
         rise = np.maximum((corner * turn).sum(axis=0), 1e-300)
         parts = np.where(fall > _FALLS, self.share / np.maximum(fall, _FALLS), np.inf)
-        goes = self.is_tight.all(axis=0) | (parts.min(axis=0) <= lack / rise)
+        goes = self.is_tight.all(axis=0) | (parts.min(axis=0) * rise <= lack)
         slot: Ints = np.where(goes, parts.argmin(axis=0), self.is_tight.argmin(axis=0))
         return slot
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import minimize, nnls
 
 from drake_polygrasp.region_bounds.load_norm import LoadNorm
+from drake_polygrasp.region_bounds.simplex_cycle import inverse_definite
 from drake_polygrasp.region_bounds.steepest import _raised
 from drake_polygrasp.wrenches.region_support import load_reach
 
@@ -86,3 +87,11 @@ def test_hulls_around_the_origin_have_no_positive_value():
     a = np.concatenate([a, -a], axis=2)
     _, value = _raised(a, start(10), LoadNorm(np.zeros(10), np.zeros(10, bool)), np.full(10, 9.0))
     assert (value <= 0.0).all()
+
+
+def test_inverses_of_definite_matrices_give_the_identity():
+    rows = np.random.default_rng(6).normal(size=(6, 6, 100))
+    matrices = np.einsum("csj,ctj->stj", rows, rows)
+    product = np.einsum("stj,tuj->suj", matrices, inverse_definite(matrices))
+    # Their condition numbers reach 1e6.
+    np.testing.assert_allclose(product, np.eye(6)[:, :, None] + np.zeros(100), atol=1e-7)
