@@ -10,7 +10,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 from typing import TypeAlias
 
 import numpy as np
@@ -156,32 +155,37 @@ def greatest_epsilons(
         `least`, or was found not to be among the best `wanted` before their search ended.
     """
     contest = Contest(wanted)
-    searches = [
-        _bounds_unless_lost(task, asked, partial(contest.enter, k, asked))
-        for k, (task, asked) in enumerate(zip(tasks, least, strict=True))
-    ]
-    found = [run_side_by_side(searches[part]) for part in batches(len(tasks), _TOGETHER)]
-    return list(chain.from_iterable(found))
+    found: list[RegionEpsilon | None] = []
+    for part in batches(len(tasks), _TOGETHER):
+        problems = _problems_of(tasks[part])
+        searches = [
+            _bounds_unless_lost(problem, asked, partial(contest.enter, k, asked))
+            for k, (problem, asked) in enumerate(
+                zip(problems, least[part], strict=True), len(found)
+            )
+        ]
+        found += run_side_by_side(searches)
+    return found
 
 
 def _bounds_unless_lost(
-    task: RegionTask, least: float, compare: Compare
+    problem: _Problem, least: float, compare: Compare
 ) -> Search[RegionEpsilon | None]:
     """Bounds what a grasp withstands; None where that is too little."""
     try:
-        bounds = yield from _bounds(task, compare)
+        bounds = yield from _bounds(problem, compare)
     except LostError:
         return None
     return bounds if bounds.epsilon_lower >= least else None
 
 
-def _bounds(task: RegionTask, compare: Compare) -> Search[RegionEpsilon]:
+def _bounds(problem: _Problem, compare: Compare) -> Search[RegionEpsilon]:
     """Bounds what a grasp withstands, with the proof."""
-    problem, norms = _problem_of(task), [LoadNorm(task.com_error / task.rho)]
+    task, norms = problem.task, [LoadNorm(problem.task.com_error / problem.task.rho)]
     if task.mass:
         norms.append(LoadNorm(task.com_error / task.rho, forces_only=True))
     outcomes = []
-    for gap, refinement, shares in problem.attempts:
+    for gap, refinement, shares in _WAYS[task.way]:
         outcome = yield from _attempt(problem, norms, compare, gap, refinement, shares)
         outcomes.append(outcome)
         if not outcome.is_open:
@@ -201,49 +205,36 @@ class _Problem:
     """What a search for bounds is given.
 
     Attributes:
+        task: the grasp and its errors.
         contacts: where they range.
         start: twists along which little is withstood, shape (K, 6).
         possible: where contacts may be, with the friction that they may have.
         served: the same, with the friction that is left for forces that serve all tilts.
-        tilt_error: of the normals in `possible` [rad].
-        relative_gap: how far apart the bounds of epsilon may stay.
-        squeeze_gap: how far apart those of the squeeze force may stay.
-        attempts: how they are sought, in turn while nothing is proved.
     """
 
+    task: RegionTask
     contacts: RangingContacts
     start: Array
     possible: Placeable
     served: Placeable
-    tilt_error: float
-    relative_gap: float
-    squeeze_gap: float
-    attempts: Sequence[_Attempt]
 
 
-def _problem_of(task: RegionTask) -> _Problem:
-    regions, errors = task.regions, (task.tilt_error, task.friction_error)
-    is_within = 0.0 <= task.tilt_error <= MAX_TILT and 0.0 <= task.friction_error < 1.0
-    left = [
-        narrowed_friction(m, *errors, piece.tan_spread) if is_within else 0
-        for m, region in zip(task.mu.tolist(), regions, strict=True)
-        for piece in region
+def _problems_of(tasks: Sequence[RegionTask]) -> list[_Problem]:
+    """Returns what searches for bounds are given."""
+    narrowed = [_narrowed(task) for task in tasks]
+    contacts = [
+        ranging_contacts(
+            task.regions, friction, min(max(task.tilt_error, 0.0), MAX_TILT), task.p_BBcm, task.rho
+        )
+        for task, friction in zip(tasks, narrowed, strict=True)
     ]
-    narrowed = np.maximum(np.array(left, dtype=float) * (1.0 - HAIR), 0.0)
-    place, tilt = (task.p_BBcm, task.rho), task.tilt_error if is_within else MAX_TILT
-    contacts = ranging_contacts(regions, narrowed, tilt, *place)
-    least = (1.0 - task.friction_error) * task.mu[contacts.contact]
-    possible = placeable(regions, least, *place)
-    return _Problem(
-        contacts,
-        _critical(contacts),
-        possible,
-        possible.with_friction(narrowed),
-        task.tilt_error,
-        task.relative_gap,
-        task.squeeze_gap,
-        _WAYS[task.way],
-    )
+    problems = []
+    starts = _critical(contacts)
+    for task, friction, ranging, start in zip(tasks, narrowed, contacts, starts, strict=True):
+        least = (1.0 - task.friction_error) * task.mu[ranging.contact]
+        possible = placeable(task.regions, least, task.p_BBcm, task.rho)
+        problems.append(_Problem(task, ranging, start, possible, possible.with_friction(friction)))
+    return problems
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,7 +260,7 @@ def _attempt(
     shares: Sequence[float],
 ) -> Search[_Outcome]:
     """Proves what facets of a hull prove that is within a gap of its support."""
-    generators = SweptGenerators(problem.contacts)
+    task, generators = problem.task, SweptGenerators(problem.contacts)
     generators.add_rims(_FIRST_TURNS)
     first = yield from result_of(FirstFacets(generators, gap))
     generators.add(first.contact, first.force)
@@ -278,7 +269,7 @@ def _attempt(
     proofs: list[FacetProof | None] = []
     is_open = False
     for norm in norms:
-        apart = max(problem.relative_gap, problem.squeeze_gap if norm.forces_only else 0.0)
+        apart = max(task.relative_gap, task.squeeze_gap if norm.forces_only else 0.0)
         facets, tried = unswept(simplices, w), [problem.start]
         proof = None
         if is_around:
@@ -302,17 +293,36 @@ def _attempt(
             tried.append(ceiling.w[None])
         proofs.append(proof)
         if norm is norms[0]:
-            worst = WorstPlacement(problem.possible, problem.tilt_error, norm)
+            worst = WorstPlacement(problem.possible, task.tilt_error, norm)
             upper = yield from worst.lowered(np.concatenate([*tried, lowest_twists(facets)]))
     return _Outcome(generators, proofs, upper, is_open)
 
 
-def _critical(contacts: RangingContacts) -> Array:
-    """Twists along which the cones at the regions' middles reach little, (K, 6)."""
-    cones = contacts.cones.take(contacts.reference)
-    place = contacts.middles()[None], cones.frames[None, :, 0], cones.mu[None]
-    critical, _ = critical_directions(*place, np.zeros(3), 1.0, num=_MOST_CRITICAL)
-    return np.asarray(np.round(critical[0], _DIGITS))
+def _narrowed(task: RegionTask) -> Array:
+    """The friction that is left for forces that serve all tilts in each piece, (P,)."""
+    errors = task.tilt_error, task.friction_error
+    if not (0.0 <= task.tilt_error <= MAX_TILT and 0.0 <= task.friction_error < 1.0):
+        return np.zeros(sum(map(len, task.regions)))
+    left = [
+        narrowed_friction(m, *errors, piece.tan_spread)
+        for m, region in zip(task.mu.tolist(), task.regions, strict=True)
+        for piece in region
+    ]
+    return np.asarray(np.maximum(np.array(left, dtype=float) * (1.0 - HAIR), 0.0))
+
+
+def _critical(several: Sequence[RangingContacts]) -> Array:
+    """Twists along which the cones at the regions' middles reach little, (N, K, 6)."""
+    cones = [contacts.cones.take(contacts.reference) for contacts in several]
+    w, _ = critical_directions(
+        np.stack([contacts.middles() for contacts in several]),
+        np.stack([each.frames[:, 0] for each in cones]),
+        np.stack([each.mu for each in cones]),
+        np.zeros(3),
+        1.0,
+        num=_MOST_CRITICAL,
+    )
+    return np.asarray(np.round(w, _DIGITS))
 
 
 def _proved(generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm) -> FacetProof | None:
