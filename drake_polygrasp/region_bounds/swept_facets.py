@@ -220,17 +220,18 @@ def _replaced(
     Facets that reach the goal stay, also where a generator overtops them: the surface need not be
     convex, and there would be ten times as many new facets.
     """
-    simplices, w = facets.simplices, facets.twists
-    gain = generators.heights_of_each(w, apex) / norm.of(w)[:, None] - facets.values[:, None]
-    is_low = (gain.max(axis=1) > _GAIN) & (facets.values < goal)
-    part = np.where(is_low, np.round(gain, _TIE).argmax(axis=1), -1)
-    part[worst] = np.arange(len(worst))
-    seen = connected(simplices, part, worst)
+    low = np.flatnonzero(facets.values < goal)
+    lowest, some = np.searchsorted(low, worst), facets.take(low)
+    simplices, w = some.simplices, some.twists
+    gain = generators.heights_of_each(w, apex) / norm.of(w)[:, None] - some.values[:, None]
+    part = np.where(gain.max(axis=1) > _GAIN, np.round(gain, _TIE).argmax(axis=1), -1)
+    part[lowest] = np.arange(len(lowest))
+    seen = np.flatnonzero(connected(simplices, part, lowest))
     ridges, owner = simplex_boundary(simplices[seen], part[seen])
     tops = apex[part[seen][owner]]
     beside = (ridges != tops[:, None]).all(axis=1)
     cone, start = coned(ridges[beside], tops[beside]), w[seen][owner[beside]]
-    num = int((~seen).sum())
-    left = modulo_2(np.concatenate([simplices[~seen], cone]))
-    kept, new = np.flatnonzero(~seen)[left[left < num]], left[left >= num] - num
-    return facets.take(kept).joined(unswept(cone[new], start[new]))
+    kept = np.delete(np.arange(len(facets.values)), low[seen])
+    left = modulo_2(np.concatenate([facets.simplices[kept], cone]))
+    new = left[left >= len(kept)] - len(kept)
+    return facets.take(kept[left[left < len(kept)]]).joined(unswept(cone[new], start[new]))
