@@ -136,9 +136,10 @@ class _Simplices:
             heights = _paired(a, w[block])
             values[block] = heights.min(axis=1) / self.norm.take(rows[block]).of(w[block])
             if self.has_pieces:
-                shape = a.shape[1], num, -1
-                at = heights.reshape(shape).argmin(axis=2)[None, :, :, None]
-                lowest[:, block] = np.take_along_axis(a.reshape(6, *shape), at, 3)[..., 0]
+                by_piece = heights.reshape(len(heights), num, -1)
+                first = np.arange(len(heights) * num).reshape(-1, num) * by_piece.shape[2]
+                at = first + by_piece.argmin(axis=2)
+                lowest[:, block] = a.reshape(6, -1).take(at, axis=1)
         return values, lowest
 
     def split(self, w: Array, values: Array) -> list[tuple[Array, Array]]:
