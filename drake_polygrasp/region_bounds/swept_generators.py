@@ -23,7 +23,7 @@ _DIGITS = 9
 _UNEVEN = 2e-6
 """Our choice: parts by which generators differ in length, so that no facet of a hull has more than
 six of them: four of one cone would span a flat one."""
-CORNERS_AT_ONCE = 32768
+CORNERS_AT_ONCE = 65536
 """Our choice: how many corners are paired at once, for their arrays to fit a processor's cache."""
 
 
