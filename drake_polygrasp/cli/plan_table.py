@@ -55,6 +55,7 @@ def _plant_lines(grasps: Sequence[CertifiedGrasp]) -> list[str]:
     ]
 
 
+_LESS = "less than was asked is stated where more is not proved or leaves under a tenth of epsilon"
 _THEN = "epsilon and squeeze are of exact contacts, then: of the worst of all these errors"
 _RANKED = "; grasps that bear as much are ranked by that epsilon"
 
@@ -86,7 +87,7 @@ def _bears_cells(region: RegionCertificate | None) -> tuple[str, str, str]:
 def error_lines(
     settings: PlanSettings, grasps: Sequence[CertifiedGrasp], squeeze: str
 ) -> list[str]:
-    """Returns what "bears" stands for, and which grasps bear less than was asked.
+    """Returns what "bears" stands for, and which grasps bear less than was asked, and why.
 
     Args:
         settings: those of the plan.
@@ -102,11 +103,13 @@ def error_lines(
         f"{asked}",
         squeeze,
     ]
-    return lines + [
+    lines += [
         f"{which}: {text or 'not proved to bear any errors'}"
         for which, text in _by_ranks(errors)
         if text != asked
     ]
+    is_less = any(text not in ("", asked) for text in errors)
+    return lines + [_LESS] * is_less
 
 
 def _by_ranks(texts: Sequence[str]) -> list[tuple[str, str]]:

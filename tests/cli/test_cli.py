@@ -134,6 +134,9 @@ def test_the_table_says_which_grasps_bear_less(capsys: pytest.CaptureFixture[str
     assert {line.split(" degrees")[0].split()[-1] for line in less} == {"2.5", "1.25"}
     full = next(line for line in lines if line.startswith("bears: "))
     assert "normals by 5 degrees, friction less by 20 percent" in full
+    assert (
+        "less than was asked is stated where more is not proved" in lines[lines.index(less[-1]) + 1]
+    )
 
 
 def test_the_table_says_what_a_placement_under_a_millimetre_means(
