@@ -45,6 +45,7 @@ _WAYS: tuple[tuple[_Attempt, ...], ...] = (
     ((0.05, Refinement(1, 60, 12), (1.0,)),),
     ((0.02, Refinement(4, 30, 6), (0.5, 0.8, 0.9, 1.0)),),
     ((0.05, Refinement(1, 60, 12), _GROWTH),),
+    ((0.1, Refinement(1, 90, 20), (1.0,)),),
 )
 """Our choice: how near to its support a hull comes, over its own distance, how far its facets are
 refined (at once, most rounds, patience), and the shares by which regions grow around their middles;
