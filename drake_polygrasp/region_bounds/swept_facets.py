@@ -148,7 +148,9 @@ def raised(
             or count == refinement.most_rounds
         ):
             break
-        worst, apex = yield from _apexes(generators, facets, goal, norm, refinement.at_once)
+        # What several generators replace together may be what was there before.
+        at_once = refinement.at_once if count == last else 1
+        worst, apex = yield from _apexes(generators, facets, goal, norm, at_once)
         if not len(worst):
             break
         facets = _replaced(generators, facets, worst, apex, norm, goal)
