@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from drake_polygrasp.arrays import Array, Bools, Ints, Shapes, distinct_values
+from drake_polygrasp.arrays import Array, Bools, Ints, Shapes
 from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE, ON_SURFACE
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot
@@ -76,10 +76,11 @@ def visible_facets(triangles_C: Array, window: Array, diameter: float) -> Visibl
     blocked = bool((~below & (lowest < start)).any()) or _walls_cross(walls, frame, start)
     seen = below & (nhat[:, 2] > 0)
     triangle, nhat, shapes, planes = triangle[seen], nhat[seen], shapes[seen], planes[seen]
-    shapes = _less_hidden(shapes, planes, tolerance)
+    shapes, is_whole = _less_hidden(shapes, planes, xy[triangle], tolerance)
     wide = _is_wide(shapes, tolerance)
     triangle, nhat, shapes, planes = triangle[wide], nhat[wide], shapes[wide], planes[wide]
-    has_step = _has_step(shapes, planes, tolerance, FLATNESS * diameter)
+    whole = np.where(is_whole[wide, None, None], triangles_C[triangle], np.nan)
+    has_step = _has_step(shapes, planes, whole, tolerance, FLATNESS * diameter)
     holes = shapely.get_parts(shapely.difference(frame, shapely.union_all(shapes)))
     holes = holes[_is_wide(holes, tolerance)]
     hole = float(shapely.distance(holes, shapely.Point(0, 0)).min(initial=np.inf))
@@ -131,13 +132,23 @@ def _walls_cross(walls: Array, window: shapely.Polygon, height: float) -> bool:
     return False
 
 
-def _less_hidden(shapes: Shapes, planes: Array, tolerance: float) -> Shapes:
-    """Returns the part of each shape that no other shape hides."""
-    i, j, overlap = _overlaps(shapes, tolerance)
+def _less_hidden(
+    shapes: Shapes, planes: Array, xy: Array, tolerance: float
+) -> tuple[Shapes, Bools]:
+    """Returns the part of each shape that no other hides, and whether that is all of it.
+
+    Args:
+        shapes: parts of triangles seen from above.
+        planes: those of the triangles, shape (n, 3).
+        xy: corners of the triangles, counter-clockwise, shape (n, 3, 2).
+        tolerance: lengths below this are rounding errors [m].
+    """
+    i, j, overlap = _overlaps(shapes, xy, tolerance)
     low, high = _heights(overlap, planes[j] - planes[i])
     hides = high > tolerance
-    shapes = shapes.copy()
-    for k in distinct_values(i[hides]):
+    shapes, is_whole = shapes.copy(), np.ones(len(shapes), dtype=bool)
+    is_whole[i[hides]] = False
+    for k in np.flatnonzero(~is_whole).tolist():
         pairs = np.flatnonzero(hides & (i == k))
         hiders = [
             overlap[pair]
@@ -146,16 +157,30 @@ def _less_hidden(shapes: Shapes, planes: Array, tolerance: float) -> Shapes:
             for pair in pairs
         ]
         shapes[k] = shapely.difference(shapes[k], shapely.union_all(hiders))
-    return shapes
+    return shapes, is_whole
 
 
-def _overlaps(shapes: Shapes, tolerance: float) -> tuple[Ints, Ints, Shapes]:
+def _overlaps(shapes: Shapes, xy: Array, tolerance: float) -> tuple[Ints, Ints, Shapes]:
     """Returns pairs of overlapping shapes, each in both orders, and their intersections."""
-    i, j = shapely.STRtree(shapes).query(shapes, predicate="intersects")
-    i, j = i[i != j], j[i != j]
+    i, j = shapely.STRtree(shapes).query(shapes)
+    i, j = i[i < j], j[i < j]
+    # Most neighbours only touch: a side of one triangle has the other beyond it.
+    cross = ~(_are_beside(xy[i], xy[j], tolerance) | _are_beside(xy[j], xy[i], tolerance))
+    i, j = i[cross], j[cross]
     overlap = shapely.intersection(shapes[i], shapes[j])
     wide = _is_wide(overlap, tolerance)
-    return i[wide], j[wide], overlap[wide]
+    i, j, overlap = i[wide], j[wide], overlap[wide]
+    return np.append(i, j), np.append(j, i), np.append(overlap, overlap)
+
+
+def _are_beside(xy: Array, others: Array, tolerance: float) -> Bools:
+    """Returns whether a side of each triangle (P, 3, 2) has all of another one beyond it, (P,)."""
+    side = np.roll(xy, -1, axis=1) - xy
+    off = others[:, None] - xy[:, :, None]
+    inward = side[:, :, None, 0] * off[..., 1] - side[:, :, None, 1] * off[..., 0]
+    # Overlaps of half the width of a rounding error do not count as wide.
+    least = 0.25 * tolerance * np.sqrt(dot(side, side))
+    return np.asarray((inward.max(axis=2) <= least).any(axis=1))
 
 
 def _where_positive(shape: shapely.Polygon, plane: Array) -> shapely.Polygon:
@@ -172,11 +197,23 @@ def _where_positive(shape: shapely.Polygon, plane: Array) -> shapely.Polygon:
     return shapely.Polygon(kept) if len(kept) > 2 else shapely.Polygon()
 
 
-def _has_step(shapes: Shapes, planes: Array, tolerance: float, least: float) -> bool:
-    """Returns whether two adjacent shapes differ in height by more than `least` [m]."""
+def _has_step(shapes: Shapes, planes: Array, whole: Array, tolerance: float, least: float) -> bool:
+    """Returns whether two adjacent shapes differ in height by more than `least` [m].
+
+    Args:
+        shapes: what is seen of triangles from above.
+        planes: those of the triangles, shape (n, 3).
+        whole: corners of triangles of which nothing is hidden [m], shape (n, 3, 3); not numbers for
+            others.
+        tolerance: lengths below this are rounding errors [m].
+        least: height of a step [m].
+    """
     i, j = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=tolerance)
     i, j = i[i < j], j[i < j]
-    border = shapely.intersection(shapely.buffer(shapes[i], tolerance), shapes[j])
+    # Triangles with a common side are as high along it.
+    common = (whole[i][:, :, None] == whole[j][:, None]).all(axis=3).any(axis=2).sum(axis=1)
+    i, j = i[common < 2], j[common < 2]
+    border = shapely.intersection(shapely.buffer(shapes, tolerance)[i], shapes[j])
     long = shapely.length(border) > least
     i, j = i[long], j[long]
     apart = planes[j] - planes[i]
