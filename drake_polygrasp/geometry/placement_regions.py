@@ -163,7 +163,8 @@ def _on_facets(polyhedron: Polyhedron, around: Around, mu: float) -> PlacementRe
 
     The friction coefficient of all its facets must be at least the contact's `mu`.
     """
-    triangles, face = polyhedron.own_triangles_B, polyhedron.own_triangle_face
+    near = polyhedron.own_triangles_near(around.p_BC, around.R_BC[:, 2], float(around.reach))
+    triangles, face = polyhedron.own_triangles_B[near], polyhedron.own_triangle_face[near]
     for solid in polyhedron.primitives:
         others = ~_stand_for(solid, triangles, around.tolerance)
         triangles, face = triangles[others], face[others]

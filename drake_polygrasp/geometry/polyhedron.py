@@ -95,6 +95,31 @@ class Polyhedron:
         """`triangle_face` of the body's own triangles, shape (N,)."""
         return self.triangle_face if self.own is None else frozen(self.triangle_face[self.own], int)
 
+    @cached_property
+    def _own_balls(self) -> tuple[Array, Array]:
+        """Centres (3, N) and radii (N,) of balls around the body's own triangles [m]."""
+        corners = np.ascontiguousarray(self.own_triangles_B.transpose(1, 2, 0))
+        centres = corners.mean(axis=0)
+        return centres, np.sqrt(((corners - centres) ** 2).sum(axis=1).max(axis=0))
+
+    def own_triangles_near(self, p_BQ: Array, nhat_B: Array, distance: float) -> Ints:
+        """Returns the body's own triangles that may be within a distance of a line, ascending.
+
+        Args:
+            p_BQ: a point on the line [m], shape (3,).
+            nhat_B: its direction, unit length, shape (3,).
+            distance: the distance [m].
+
+        Returns:
+            Indices in `own_triangles_B`, shape (K,): all that are as near, and few others.
+        """
+        centres, radius = self._own_balls
+        off = centres - p_BQ[:, None]
+        along = np.einsum("kn,k->n", off, nhat_B)
+        square = np.einsum("kn,kn->n", off, off) - along * along
+        near = radius + distance + LENGTH_TOLERANCE * self.diameter
+        return np.flatnonzero(square <= near * near)
+
     @property
     def covers_B(self) -> Array:
         """The triangles of other bodies that cover the body [m], shape (K, 3, 3)."""

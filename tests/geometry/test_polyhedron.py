@@ -27,6 +27,7 @@ from tests.support.convex_polyhedra import (
     prism,
     tangent_polyhedron,
 )
+from tests.support.scanned import blob, scan
 from tests.support.solids import regular_polygon
 from tests.support.surface_judge import is_exposed
 
@@ -417,3 +418,20 @@ def test_copies_of_triangles_are_dropped_unless_solids_share_them() -> None:
         assert sides(without_doubles(shared)) == sides(shared)
         collapsed = np.array([[4, 4, 2], [3, 3, 3]])
         assert sides(without_doubles(np.concatenate([collapsed, shared]))) == sides(shared)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_triangles_near_a_line_are_those_that_projections_show(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    polyhedron = build(scan(blob(0.05, seed), 400, 0.0, seed))
+    triangles = polyhedron.own_triangles_B
+    R = Rotation.random(random_state=seed).as_matrix()
+    p_BQ, distance = triangles[7].mean(axis=0), float(rng.uniform(0.002, 0.02))
+    seen = shapely.polygons(((triangles - p_BQ) @ R)[..., :2])
+    off = shapely.distance(seen, shapely.Point(0, 0))
+    found = polyhedron.own_triangles_near(p_BQ, R[:, 2], distance)
+    assert set(np.flatnonzero(off <= distance)) <= set(found)
+    # A triangle is in a ball around its centroid with two thirds of its longest median at most.
+    sides = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    assert (off[found] <= distance + 2 * sides[found]).all()
+    assert len(found) < len(triangles)
