@@ -44,6 +44,8 @@ INTERIOR = 1 + Fraction(1, 10**9)
 """Our choice: factor by which (n . f)^2 must exceed its value on the cone."""
 FLATNESS = Fraction(1, 10**6)
 """Our choice: greatest distance of rounded corners from a disc's plane, over its radius."""
+OFF_PLANE = Fraction(1, 10**8)
+"""Our choice: the same, over the size of the grasp, for discs hardly larger than roundings."""
 MAX_TILT = 1.5
 """Our choice: greatest tilt error [rad]; a fingertip tilted more than this does not touch."""
 _FRICTION_BITS = 64
@@ -277,7 +279,11 @@ def check_region(
 
 
 def contains_disc(
-    corners: Vectors, centre: Sequence[float], normal: Sequence[float], radius: float
+    corners: Vectors,
+    centre: Sequence[float],
+    normal: Sequence[float],
+    radius: float,
+    size: float = 0.0,
 ) -> Check:
     """Checks that a polygon contains a disc about a contact in its face.
 
@@ -290,15 +296,17 @@ def contains_disc(
         centre: contact point [m], in the same frame.
         normal: unit normal of the face.
         radius: radius of the disc [m]; 0 if the centre may also be a corner.
+        size: greatest difference of a coordinate between the grasp's contacts [m].
 
     Returns:
         Ok only if that holds and each corner is on the plane of the disc within `FLATNESS` times
-        its radius, for the rounding of coordinates. Never raises.
+        its radius or `OFF_PLANE` times the size, for the rounding of coordinates. Never raises.
     """
     try:
         points, scale = _integers([_numbers(centre, "centre"), *_rows(corners, "corners", None)])
         (n,), _ = _integers([_numbers(normal, "normal")])
         length = Fraction(_number(radius, "radius")) * scale
+        flat = max(FLATNESS * length, OFF_PLANE * Fraction(_number(size, "size")) * scale)
     except _RefusedError as refused:
         return Check(False, str(refused))
     from_centre = [_minus(p, points[0]) for p in points[1:]]
@@ -307,7 +315,7 @@ def contains_disc(
         return Check(False, "the radius is negative or the normal zero")
     if length == 0 and [0, 0, 0] in from_centre:
         return Check(True)
-    if any(_sign(_dot(n, a) ** 2, FLATNESS**2 * r_r, n_n) > 0 for a in from_centre):
+    if any(_sign(_dot(n, a) ** 2, flat**2, n_n) > 0 for a in from_centre):
         return Check(False, "a corner is not on the plane of the disc")
     winding = 0
     for a, b in zip(from_centre, from_centre[1:] + from_centre[:1], strict=True):
@@ -641,10 +649,12 @@ def _check_stated_region(grasp: dict[str, Any]) -> Check:
         ]
     else:
         pieces = [[(p_BV, n, 0.0)] for p_BV, n in zip(region["p_BV"], normals, strict=True)]
+    axes = zip(*(contact["p_BC"] for contact in contacts), strict=True)
+    size = max(max(axis) - min(axis) for axis in axes)
     places = zip(pieces, contacts, region["placement_error"], strict=True)
     for i, (own, contact, radius) in enumerate(places, start=1):
         if len(own) == 1 and not own[0][2]:
-            disc = contains_disc(own[0][0], contact["p_BC"], own[0][1], radius)
+            disc = contains_disc(own[0][0], contact["p_BC"], own[0][1], radius, size)
             if not disc.ok:
                 return Check(False, f"{disc.reason} about contact {i}")
     mu, x = [contact["mu"] for contact in contacts], region["internal_force"]

@@ -22,7 +22,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.digits import at_least
 from drake_polygrasp.geometry.primitives import Primitive
-from drake_polygrasp.geometry.surface_pieces import SurfacePiece, rounded_piece
+from drake_polygrasp.geometry.surface_pieces import SurfacePiece, greatest_tangent, rounded_piece
 from drake_polygrasp.vectors import dot, times
 
 _SPREAD = np.radians(0.75)
@@ -44,13 +44,13 @@ class _Cell(NamedTuple):
         q: corners of the polygon in the tangent plane [m], shape (k, 2).
         p_BV: corners of the polytope [m], shape (2 k, 3).
         nhat_B: outward unit normal of the surface over the polygon's mean corner, shape (3,).
-        cosine: least cosine of the angle between that normal and others of the piece.
+        tangent: of the greatest angle between that normal and others of the piece.
     """
 
     q: Array
     p_BV: Array
     nhat_B: Array
-    cosine: float
+    tangent: float
 
 
 def curved_pieces(
@@ -76,15 +76,10 @@ def curved_pieces(
         if cell is None:
             return ()
         cells.append(cell)
-    if min(cell.cosine for cell in cells) <= 0:
+    if not all(math.isfinite(cell.tangent) for cell in cells):
         return ()
     return tuple(
-        rounded_piece(
-            cell.p_BV,
-            -cell.nhat_B,
-            diameter,
-            at_least(np.sqrt(max(0.0, 1 - cell.cosine**2)) / cell.cosine + _ROUNDING),
-        )
+        rounded_piece(cell.p_BV, -cell.nhat_B, diameter, at_least(cell.tangent + _ROUNDING))
         for cell in cells
     )
 
@@ -100,9 +95,7 @@ def _cell(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> _Cell | None:
     _, nhat = solid.project(surface[-1:])
     level = dot(surface[-1] - start[:-1], nhat[0]) / dot(inward, nhat[0])
     p_BV = np.concatenate([surface[:-1], start[:-1] + level[:, None] * inward])
-    normals = solid.normals_around(p_BV)
-    length = np.sqrt(dot(normals, normals))
-    return _Cell(q, p_BV, nhat[0], float((times(normals, nhat[0]) / length).min()))
+    return _Cell(q, p_BV, nhat[0], greatest_tangent(solid.normals_around(p_BV), nhat[0]))
 
 
 def _tiles(solid: Primitive, p_BC: Array, R_BC: Array, q: Array) -> list[Array]:

@@ -27,6 +27,7 @@ from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.surface_pieces import (
     SurfacePiece,
+    greatest_tangent,
     rounded_piece,
 )
 from drake_polygrasp.geometry.triangles import face_frame, unit_normals
@@ -222,10 +223,9 @@ def _joined(pieces: Sequence[SurfacePiece], diameter: float) -> SurfacePiece:
     box = [
         np.column_stack([rectangle, np.full(4, z)]) for z in (p_FV[:, 2].min(), p_FV[:, 2].max())
     ]
-    cosine = min(float(dot(piece.nhat_TB_B, nhat_TB_B)) for piece in pieces)
-    spread = np.sqrt(max(0.0, 1 - cosine**2)) / cosine + _ROUNDING
-    p_BV = times(np.concatenate(box), R_BF.T)
-    return rounded_piece(p_BV, nhat_TB_B, diameter, at_least(spread))
+    normals = np.stack([piece.nhat_TB_B for piece in pieces])
+    spread = at_least(greatest_tangent(normals, nhat_TB_B) + _ROUNDING)
+    return rounded_piece(times(np.concatenate(box), R_BF.T), nhat_TB_B, diameter, spread)
 
 
 def _stand_for(solid: Primitive, triangles: Array, tolerance: float) -> Bools:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, frozen
 from drake_polygrasp.digits import on_grid, to_decimals
-from drake_polygrasp.vectors import circle, dot
+from drake_polygrasp.vectors import circle, cross, dot
 
 SIDES = 16
 """Number of sides of polygons around discs, our choice: their corners are 2 percent farther out."""
@@ -63,6 +63,24 @@ def rounded_pieces(p_BV: Sequence[Array], nhat_TB_B: Array, diameter: float) -> 
     corners = np.split(on_grid(np.concatenate(p_BV), diameter), ends[:-1])
     normals = to_decimals(nhat_TB_B)
     return [SurfacePiece(frozen(p), frozen(n)) for p, n in zip(corners, normals, strict=True)]
+
+
+def greatest_tangent(normals: Array, nhat: Array) -> float:
+    """Returns the tangent of the greatest angle between normals and one of them.
+
+    It is not computed from cosines, whose last bits are angles of 2e-8.
+
+    Args:
+        normals: vectors of any length, shape (n, 3).
+        nhat: a unit vector, shape (3,).
+
+    Returns:
+        The tangent; infinite where an angle is a right one or greater.
+    """
+    across, along = cross(normals, nhat), dot(normals, nhat)
+    if not (along > 0).all():
+        return float("inf")
+    return float((np.sqrt(dot(across, across)) / along).max())
 
 
 def widened(radius: Array, diameter: float) -> Array:

@@ -52,11 +52,12 @@ def region_violations(stated: StatedGrasp) -> Iterator[str]:
     check = _check_claim(region, region.pieces, grasp.mu)
     if not check.ok:
         yield f"the region is not proved: {check.reason}"
+    size = float(np.ptp(grasp.p_BC, axis=0).max())
     for i, pieces in enumerate(region.pieces):
         if len(pieces) == 1 and not pieces[0].tan_spread:
             corners, normal = pieces[0].p_BV.tolist(), pieces[0].nhat_TB_B.tolist()
             disc = grasp.p_BC[i].tolist(), normal, float(region.placement_error[i])
-            if not (check := exact.contains_disc(corners, *disc)).ok:
+            if not (check := exact.contains_disc(corners, *disc, size)).ok:
                 yield f"the region of contact {i + 1} does not hold its disc: {check.reason}"
 
 

@@ -304,6 +304,21 @@ def test_what_winds_about_no_disc_contains_none(corners):
     assert not contains_disc(corners, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 0.1).ok
 
 
+@pytest.mark.parametrize("radius", [0.0, 1e-13, 1e-9])
+def test_corners_of_a_tiny_disc_may_be_off_its_plane_by_the_rounding_of_the_grasp(radius):
+    size, width = 0.1, 2 * radius + 4e-12
+    n = [0.6, 0.8, 0.0]
+    # In the plane, square about the origin; then off the plane at one corner.
+    corners = [
+        [-0.8 * width * y, 0.6 * width * y, width * z]
+        for y, z in ((1, 0), (0, 1), (-1, 0), (0, -1))
+    ]
+    for off, holds in ((0.9e-9, True), (1.1e-9, False)):
+        corners[0][:2] = -0.8 * width + 0.6 * off, 0.6 * width + 0.8 * off
+        assert contains_disc(corners, [0.0, 0.0, 0.0], n, radius, size).ok is holds
+        assert not contains_disc(corners, [0.0, 0.0, 0.0], n, radius).ok
+
+
 def test_a_disc_of_no_radius_is_a_point():
     n = [1.0, 0.0, 0.0]
     assert contains_disc([[1.0, 2.0, 3.0]], [1.0, 2.0, 3.0], n, 0.0).ok

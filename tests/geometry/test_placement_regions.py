@@ -26,13 +26,20 @@ from drake_polygrasp.geometry.primitives import Primitive
 from drake_polygrasp.geometry.regions import default_placement_errors, erode
 from drake_polygrasp.geometry.surface import Part, build_polyhedron, curved_part
 from drake_polygrasp.geometry.surface_contact import project_contacts
-from drake_polygrasp.geometry.surface_pieces import SIDES, SurfacePiece
+from drake_polygrasp.geometry.surface_pieces import SIDES, SurfacePiece, greatest_tangent
 from tests.support.common import random_rotations, round_body
 from tests.support.convex_polyhedra import boxes, ellipsoid_hull, holed_prism, prism, shells
 from tests.support.solids import cube, object_of, random_contacts, solid
 
 R = random_rotations(1, np.random.default_rng(3))[0]
 P = np.array([0.1, -0.2, 0.3])
+
+
+def test_angles_of_rounding_have_their_own_tangents():
+    slight = np.array([[2.0, 3e-10, 4e-10], [5.0, 0.0, 1e-9]])
+    np.testing.assert_allclose(greatest_tangent(slight, np.eye(3)[0]), 2.5e-10, rtol=1e-12)
+    np.testing.assert_allclose(greatest_tangent(np.ones((1, 3)), np.eye(3)[0]), 2**0.5, rtol=1e-12)
+    assert greatest_tangent(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.eye(3)[0]) == np.inf
 
 
 def face_towards(polyhedron: Polyhedron, nhat: Array) -> int:

@@ -74,6 +74,27 @@ def test_pieces_that_leave_out_a_part_of_the_surface_are_refused(tmp_path: Path)
     )
 
 
+@pytest.mark.parametrize("share", [0.0, 1e-9, 1e-6])
+@pytest.mark.parametrize("name", ["octahedron", "wedge"])
+def test_files_of_plans_with_hardly_any_placement_error_verify(
+    name: str, share: float, tmp_path: Path
+) -> None:
+    """Polygons on slanted faces are then as small as the rounding of their corners, or smaller."""
+    object_ = model(name)
+    plan = plan_grasps(
+        object_,
+        top=5,
+        effort="quick",
+        placement_error=share * object_.polyhedron.diameter,
+        tilt_error=0.05,
+    )
+    assert plan.grasps and all(grasp.region is not None for grasp in plan.grasps)
+    path = tmp_path / "tiny.grasp.yaml"
+    save_grasps(path, object_, plan.grasps, plan.settings)
+    report = verify_file(path)
+    assert report.holds, [(grasp.forces.reason, grasp.surface.reason) for grasp in report.grasps]
+
+
 def test_a_region_beyond_its_face_is_refused(tmp_path: Path) -> None:
     """Near an edge of the box a fingertip that misses by so much touches nothing."""
 
