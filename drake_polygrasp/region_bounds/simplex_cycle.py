@@ -12,7 +12,7 @@ import itertools
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints, distinct_values
-from drake_polygrasp.vectors import cross_first
+from drake_polygrasp.vectors import cross_first, dot_first
 
 MOST_POINTS = 512
 """Our choice: most points, so that an index has nine bits in a key."""
@@ -191,7 +191,7 @@ def inverse_definite(matrices: Array) -> Array:
         corner = _inverse_of_three(R - np.einsum("baj,bcj->acj", Q, X))
         Y = np.einsum("abj,bcj->acj", X, corner)
         inverse = np.empty_like(matrices)
-        inverse[:3, :3] = P_inverse + np.einsum("abj,cbj->acj", Y, X)
+        inverse[:3, :3] = P_inverse + (Y[:, None] * X).sum(axis=2)
     inverse[:3, 3:], inverse[3:, :3] = -Y, -Y.transpose(1, 0, 2)
     inverse[3:, 3:] = corner
     return inverse
@@ -200,4 +200,4 @@ def inverse_definite(matrices: Array) -> Array:
 def _inverse_of_three(matrices: Array) -> Array:
     """The inverses of symmetric matrices, (3, 3, J), by their cofactors."""
     cofactors = cross_first(matrices[:, [1, 2, 0]], matrices[:, [2, 0, 1]])
-    return np.asarray(cofactors / np.einsum("aj,aj->j", matrices[:, 0], cofactors[:, 0]))
+    return np.asarray(cofactors / dot_first(matrices[:, 0], cofactors[:, 0]))

@@ -217,7 +217,7 @@ class _Shortest:
         gram = np.einsum("csj,ctj->stj", scaled, corners)
         gram[range(6), range(6)] += ~is_tight
         inverse = inverse_definite(gram)
-        share = np.einsum("stj,tj->sj", inverse, is_tight.astype(float))
+        share = _sum_of_products(inverse, is_tight)
         share = np.where(np.isfinite(share), share, -1.0) * is_tight
         return cls(is_tight, metric, scaled, inverse, share)
 
@@ -228,7 +228,7 @@ class _Shortest:
 
     def twists(self) -> Array:
         """Returns the twists, shape (J, 6)."""
-        return np.asarray(np.einsum("csj,sj->jc", self.scaled, self.share))
+        return np.ascontiguousarray(_sum_of_products(self.scaled, self.share).T)
 
     def slots(self, corner: Array, lack: Array) -> Ints:
         """Returns the slot for one more corner of each twist, shape (J,).
@@ -254,6 +254,15 @@ def _rounded(w: Array) -> Array:
     """Twists of unit length, rounded to a few decimals."""
     length = np.sqrt((w * w).sum(axis=1))[:, None]
     return np.asarray(np.round(w / np.maximum(length, 1e-300), _DIGITS) + 0.0)
+
+
+def _sum_of_products(a: Array, b: Array | Bools) -> Array:
+    """The sums of a (6, 6, J) times b (6, J) over the second axis, (6, J).
+
+    `einsum` adds those of a single column in another order than those of many.
+    """
+    with np.errstate(all="ignore"):
+        return np.asarray((a * b).sum(axis=1))
 
 
 def _paired(a: Array, w: Array) -> Array:

@@ -81,6 +81,17 @@ def test_no_twist_is_improved_beyond_what_is_asked():
     assert (value >= 0.5 * most).all()
 
 
+def test_a_twist_is_the_same_to_the_last_bit_alone_and_among_others():
+    count = 40
+    a = swept_simplices(count, seed=5)
+    norm = LoadNorm(np.full(count, 0.05), np.zeros(count, bool))
+    together, values = _raised(a, start(count), norm, np.full(count, 1e3))
+    for j in range(count):
+        some = np.array([j])
+        alone, value = _raised(a[:, some], start(1), norm.take(some), np.full(1, 1e3))
+        assert (alone[0] == together[j]).all() and value[0] == values[j]
+
+
 def test_hulls_around_the_origin_have_no_positive_value():
     rng = np.random.default_rng(4)
     a = rng.normal(size=(6, 10, 48))
