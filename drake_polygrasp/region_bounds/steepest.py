@@ -115,6 +115,8 @@ class _Simplices:
             for work, i, j, start in zip(self._works, first, first[1:], self._starts, strict=False)
             if i < j
         ]
+        if len(parts) == 1:  # most blocks; to join copies
+            return parts[0]
         return np.concatenate(parts, axis=1) if parts else np.zeros((6, 0, 6))
 
     def along(self, rows: Ints, w: Array) -> tuple[Array, Array]:
