@@ -85,8 +85,9 @@ def epsilon_interval(
         The bounds, and the polytope that proves the lower one.
     """
     contacts = p_BC[None], nhat_TB_B[None], mu[None]
-    gap = relative_gap
-    (epsilon,) = epsilon_intervals(*contacts, p_BBcm, rho, at_least=at_least, relative_gap=gap)
+    (epsilon,) = epsilon_intervals(
+        *contacts, p_BBcm, rho, at_least=at_least, relative_gap=relative_gap
+    )
     return epsilon
 
 

@@ -153,12 +153,12 @@ def _certified_for_exact_contacts(
     bearings: Sequence[_Bearing],
 ) -> list[tuple[_Bearing, CertifiedGrasp]]:
     """Certifies candidates, in their order, without errors."""
-    found: dict[tuple[int, int], CertifiedGrasp] = {}
-    for judge in {id(each.judge): each.judge for each in bearings}.values():
+    found: dict[tuple[Judge, int], CertifiedGrasp] = {}
+    for judge in dict.fromkeys(each.judge for each in bearings):
         rows = [each.ranked.row for each in bearings if each.judge is judge]
         certified = _certified(judge, rows, [None] * len(rows))
-        found |= {(id(judge), row): grasp for row, grasp in zip(rows, certified, strict=True)}
-    return [(each, found[id(each.judge), each.ranked.row]) for each in bearings]
+        found |= {(judge, row): grasp for row, grasp in zip(rows, certified, strict=True)}
+    return [(each, found[each.judge, each.ranked.row]) for each in bearings]
 
 
 def _best_of_each_set(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.region_bounds.simplex_cycle import solve
+from drake_polygrasp.region_bounds.simplex_cycle import MOST_POINTS, solve
 
 _FLAT = 1e-12
 """Our choice: squared distance from the span of others, over the greatest of two points, of a point
@@ -24,8 +24,7 @@ _DIGITS = 9
 _SIXES = np.array(list(itertools.combinations(range(7), 6)))
 _OTHERS = np.array([[j for j in range(6) if j != k] for k in range(6)])
 _FOURS = np.array([[j for j in range(5) if j != k] for k in range(5)])
-_MOST_POINTS = 256
-_POWERS = _MOST_POINTS ** np.arange(4)
+_POWERS = MOST_POINTS ** np.arange(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +141,7 @@ def with_points(hulls: Hulls, points: Array, is_added: Bools, index: int) -> Hul
 
 def _paired(ridges: Ints, owner: Ints) -> Ints:
     """Returns the ridge that has all vertices but one in common, for each vertex, (R, 5)."""
-    keys = (ridges[:, _FOURS] * _POWERS).sum(axis=2) + owner[:, None] * _MOST_POINTS**4
+    keys = (ridges[:, _FOURS] * _POWERS).sum(axis=2) + owner[:, None] * MOST_POINTS**4
     order = np.argsort(keys, axis=None, kind="stable")
     across = np.empty(keys.size, dtype=np.int64)
     # The ridges around what is replaced are closed: every four vertices occur twice.

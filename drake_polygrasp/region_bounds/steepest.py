@@ -243,8 +243,8 @@ class _Shortest:
             lack: by how much their heights are below one, shape (J,).
         """
         paired = np.einsum("csj,cj->sj", self.scaled, corner)
-        fall = np.einsum("stj,tj->sj", self.inverse, paired)
-        turn = corner / self.metric - np.einsum("csj,sj->cj", self.scaled, fall)
+        fall = _sum_of_products(self.inverse, paired)
+        turn = corner / self.metric - _sum_of_products(self.scaled, fall)
         rise = np.maximum((corner * turn).sum(axis=0), 1e-300)
         parts = np.where(fall > _FALLS, self.share / np.maximum(fall, _FALLS), np.inf)
         goes = self.is_tight.all(axis=0) | (parts.min(axis=0) * rise <= lack)
