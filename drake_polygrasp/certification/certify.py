@@ -99,37 +99,6 @@ def _judge(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> Proof:
     return Proof(Verdict.FAILS, reason, escape=escape)
 
 
-def certify(
-    grasp: Grasp,
-    *,
-    mass: float | None,
-    p_BBcm: Array,
-    rho: float,
-    edge_distance: float | None = None,
-) -> CertifiedGrasp | Proof:
-    """Proves a grasp and computes its certificate.
-
-    Args:
-        grasp: three contacts.
-        mass: mass of the object [kg]; None if it is unknown.
-        p_BBcm: centre of mass [m], shape (3,).
-        rho: greatest distance from the centre of mass to the surface [m].
-        edge_distance: least distance from a contact to an edge of its face [m], which the
-            placement tolerance does not exceed; None if no face is known.
-
-    Returns:
-        The grasp with its certificate if it holds, else the proof that it does not, or why that is
-        undecided.
-    """
-    proof = prove(grasp)
-    if proof.internal_force is None:
-        return proof
-    (certified,) = certify_proved(
-        [ProvedGrasp(grasp, proof, edge_distance)], mass=mass, p_BBcm=p_BBcm, rho=rho
-    )
-    return certified
-
-
 @dataclass(frozen=True, eq=False)
 class ProvedGrasp:
     """A grasp that is proved force closure, and what else is known of it.

@@ -9,7 +9,13 @@ import sys
 import numpy as np
 import pytest
 
-from drake_polygrasp.certification.certify import Proof, certify, prove, prove_many
+from drake_polygrasp.certification.certify import (
+    Proof,
+    ProvedGrasp,
+    certify_proved,
+    prove,
+    prove_many,
+)
 from drake_polygrasp.certification.convex import friction_at
 from drake_polygrasp.certification.exact import attained_margin, check_force_closure
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, Verdict
@@ -17,6 +23,7 @@ from drake_polygrasp.wrenches.contacts import force_closure
 from tests.support.common import (
     RHO_BOX,
     box_grasp,
+    certified_grasp,
     collinear_contacts,
     grasp,
     lattice_contacts,
@@ -27,8 +34,8 @@ from tests.support.common import (
 from tests.support.lp_judge import is_force_closure
 
 
-def certify_box(box: Grasp, mass: float | None = 1.0) -> CertifiedGrasp | Proof:
-    return certify(box, mass=mass, p_BBcm=np.zeros(3), rho=RHO_BOX, edge_distance=0.03)
+def certify_box(box: Grasp, mass: float | None = 1.0) -> CertifiedGrasp:
+    return certified_grasp(box, mass, RHO_BOX, np.zeros(3), edge_distance=0.03)
 
 
 def test_the_example_is_certified_with_its_figures():
@@ -67,11 +74,13 @@ def test_a_certificate_repeats_to_the_last_bit():
 
 def test_a_grasp_that_fails_is_never_certified():
     for bad in (wedge_grasp(0.5, 0.3), grasp(np.zeros((3, 3)), box_grasp().nhat_TB_B, 0.3)):
-        proof = certify_box(bad)
+        proof = prove(bad)
         assert isinstance(proof, Proof)
         assert proof.verdict is Verdict.FAILS
         assert proof.reason
         assert proof.internal_force is None
+        with pytest.raises(AssertionError):
+            certify_proved([ProvedGrasp(bad, proof)], mass=1.0, p_BBcm=np.zeros(3), rho=RHO_BOX)
 
 
 def test_proofs_agree_with_the_closed_form_and_each_with_its_evidence():

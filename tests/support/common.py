@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from drake_polygrasp.arrays import Array
-from drake_polygrasp.grasp import Grasp, GraspPlane
+from drake_polygrasp.certification.certify import ProvedGrasp, certify_proved, prove
+from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 
 RHO_BOX = float(np.linalg.norm([0.05, 0.05, 0.1]))
 
@@ -22,6 +23,15 @@ def grasp(p_BC: Array, nhat_TB_B: Array, mu: float | Array) -> Grasp:
         (0, 1, 1),
         plane,
     )
+
+
+def certified_grasp(
+    found: Grasp, mass: float | None, rho: float, p_BBcm: Array, edge_distance: float | None = None
+) -> CertifiedGrasp:
+    """A grasp that holds, with its certificate."""
+    proved = ProvedGrasp(found, prove(found), edge_distance)
+    (certified,) = certify_proved([proved], mass=mass, p_BBcm=p_BBcm, rho=rho)
+    return certified
 
 
 def box_grasp(mu: float = 0.3) -> Grasp:

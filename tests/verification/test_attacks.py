@@ -13,7 +13,7 @@ import shapely
 from scipy.spatial.transform import Rotation
 
 from drake_polygrasp.arrays import Array, frozen
-from drake_polygrasp.certification.certify import certify, prove, prove_many
+from drake_polygrasp.certification.certify import prove, prove_many
 from drake_polygrasp.certification.robustness import epsilon_interval, placement_tolerance
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.grasp_file import load_grasps, save_grasps
@@ -25,7 +25,7 @@ from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspObject, GraspPlane
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.verification.report import Status
 from drake_polygrasp.verification.verify import verify_file
-from tests.support.common import random_contacts
+from tests.support.common import certified_grasp, random_contacts
 from tests.support.convex_polyhedra import prism, write_obj
 from tests.support.grasp_files import BOX_SDF, EXAMPLE, Document, edit, write_box
 from tests.support.lp_judge import is_force_closure
@@ -76,7 +76,7 @@ def test_normals_tilted_within_the_tolerance_do_not_carry_a_grasp_over_the_bound
     wedge: GraspObject, tmp_path: Path, tilt: float
 ) -> None:
     grasp = on_the_wedge(PHI - tilt)
-    certified = certify(grasp, mass=wedge.mass, p_BBcm=wedge.p_BBcm, rho=wedge.rho)
+    certified = certified_grasp(grasp, wedge.mass, wedge.rho, wedge.p_BBcm)
     assert isinstance(certified, CertifiedGrasp)
     save_grasps(tmp_path / "w.grasp.yaml", wedge, [certified], StatedPlan())
     (report,) = verify_file(tmp_path / "w.grasp.yaml").grasps

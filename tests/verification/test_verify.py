@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from drake_polygrasp.arrays import frozen
-from drake_polygrasp.certification.certify import certify
 from drake_polygrasp.certification.robustness import GRAVITY, epsilon_interval, squeeze_interval
 from drake_polygrasp.errors import GraspFileError, ModelError
 from drake_polygrasp.files.grasp_file import grasp_document, save_grasps
@@ -22,6 +21,7 @@ from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.verification.report import Status
 from drake_polygrasp.verification.verify import verify_file
+from tests.support.common import certified_grasp
 from tests.support.grasp_files import BOX_SDF, EXAMPLE, Document, edit, rebalance, write_box
 from tests.support.planned import exact_plan
 
@@ -266,7 +266,7 @@ def wedge_grasp() -> CertifiedGrasp:
         faces=(5, 0, 0),
         grasp_plane=GraspPlane(frozen([0, 0, 1]), frozen([0, 0, 0])),
     )
-    certified = certify(grasp, mass=1.0, p_BBcm=np.zeros(3), rho=0.12)
+    certified = certified_grasp(grasp, 1.0, 0.12, np.zeros(3))
     assert isinstance(certified, CertifiedGrasp)
     return certified
 
