@@ -15,8 +15,8 @@ from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.region_bounds.simplex_cycle import MOST_POINTS, solve
 
 _FLAT = 1e-12
-"""Our choice: squared distance from the span of others, over the greatest of two points, of a point
-that counts as in it."""
+"""Our choice: a point is in the span of others if its squared distance from it is at most this part
+of the greatest squared distance from the first point."""
 _VISIBLE = 1e-10
 """Our choice: relative height above a facet from which a point counts as outside."""
 _DIGITS = 9

@@ -160,6 +160,7 @@ def _raised(a: Array, w: Array, norm: LoadNorm, enough: Array) -> tuple[Array, A
 
 
 def _raised_block(a: Array, w: Array, norm: LoadNorm, enough: Array) -> tuple[Array, Array]:
+    """What `_raised` finds for simplices whose corners fit a processor's cache."""
     best, rows, goal = w.copy(), np.arange(len(w)), enough
     heights = _paired(a, w)
     best_value = heights.min(axis=1) / norm.of(w)
