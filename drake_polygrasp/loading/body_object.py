@@ -31,7 +31,7 @@ from drake_polygrasp.loading.shapes import part_of
 DEFAULT_MU = 0.3
 """Friction coefficient of a model that states none: the one in the paper's examples."""
 _MAX_NAMES = 8
-"""How many links a message names. Our choice."""
+"""How many links or geometries a message names. Our choice."""
 _FRICTION_RANGE = f"above 0 and at most {MAX_FRICTION:g}"
 
 
@@ -110,7 +110,7 @@ def quote_names(names: Sequence[str]) -> str:
     """Returns the first names, quoted, and how many more there are.
 
     Args:
-        names: names of links or joints.
+        names: names of links, joints or geometries.
     """
     quoted = ", ".join(f"'{name}'" for name in names[:_MAX_NAMES])
     more = len(names) - _MAX_NAMES
@@ -133,9 +133,7 @@ def stated_friction(
     return pair.static_friction(), pair.dynamic_friction()
 
 
-def lesser_friction(
-    static: float, dynamic: float, name: str, where: str
-) -> tuple[float, tuple[str, ...]]:
+def lesser_friction(static: float, dynamic: float, name: str, where: str) -> float:
     """Returns the friction coefficient to plan with: the lesser of static and dynamic.
 
     Args:
@@ -143,9 +141,6 @@ def lesser_friction(
         dynamic: dynamic coefficient, at which bodies slide in Drake's discrete contact.
         name: the collision geometry's name.
         where: what messages call its body.
-
-    Returns:
-        The coefficient, and warnings.
 
     Raises:
         ModelError: when it is not above 0 or is above MAX_FRICTION.
@@ -155,12 +150,27 @@ def lesser_friction(
         raise ModelError(
             f"{where}: the friction of '{name}' is {least}; it must be {_FRICTION_RANGE}"
         )
-    if static == dynamic:
-        return least, ()
-    return least, (
-        f"{where}: the friction of '{name}' is {static} static, {dynamic} dynamic; "
-        f"{least} is used, because Drake's discrete contact slides at the dynamic coefficient",
-    )
+    return least
+
+
+def friction_warnings(
+    stated: Sequence[tuple[str, tuple[float, float]]], where: str
+) -> Iterator[str]:
+    """Yields a warning for each two unlike coefficients, static and dynamic, that geometries state.
+
+    Args:
+        stated: name of each collision geometry, with its static and dynamic coefficient.
+        where: what messages call their body.
+    """
+    for pair in dict.fromkeys(pair for _, pair in stated):
+        static, dynamic = pair
+        if static != dynamic:
+            names = quote_names(list(dict.fromkeys(name for name, same in stated if same == pair)))
+            yield (
+                f"{where}: the friction of {names} is {static} static, {dynamic} dynamic; "
+                f"{min(pair)} is used, because Drake's discrete contact slides at the dynamic "
+                "coefficient"
+            )
 
 
 def collision_parts(

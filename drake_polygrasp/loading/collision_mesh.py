@@ -34,6 +34,7 @@ from drake_polygrasp.geometry.face_triangles import faces_cut_wrongly, triangula
 from drake_polygrasp.geometry.shells import faces_inward
 from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE
 from drake_polygrasp.input_file import read_bytes
+from drake_polygrasp.loading.drake_messages import collect_drake_log
 from drake_polygrasp.loading.mesh_file import MAX_BYTES
 from drake_polygrasp.loading.obj_file import read_obj, write_obj
 
@@ -58,7 +59,8 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
     """Returns the true surface of a shape.
 
     A Mesh keeps its notches, which Drake's point contact fills because it uses the convex hull; a
-    glTF mesh is its convex hull, since Drake has nothing else of it.
+    glTF mesh is its convex hull, since Drake has nothing else of it. What Drake logs about a mesh
+    is dropped: it said so when it parsed the model.
 
     Args:
         shape: the shape.
@@ -77,18 +79,12 @@ def read_collision_mesh(shape: Box | Convex | Mesh) -> CollisionMesh:
             "may touch nothing"
         )
         shape = Convex(shape.source(), np.asarray(shape.scale3()))
+    with collect_drake_log():
+        vertices, triangles = _arrays(_drake_mesh(shape))
     if not isinstance(shape, Mesh):
-        vertices, triangles = _arrays(_hydroelastic_mesh(shape))
         return CollisionMesh(shape, vertices[triangles], tuple(warnings))
     name, content = _source(shape)
-    is_obj = shape.extension() == ".obj"
-    if is_obj and shape.source().is_path():
-        # The same triangles as those of hydroelastic contact, read several times as fast.
-        path, scale3 = shape.source().path(), np.asarray(shape.scale3())
-        vertices, triangles = _arrays(ReadObjToTriangleSurfaceMesh(path, scale3))
-    else:
-        vertices, triangles = _arrays(_hydroelastic_mesh(shape))
-    if is_obj:
+    if shape.extension() == ".obj":
         try:
             triangles = _with_whole_faces(content, shape, name, vertices, triangles, warnings)
         except ValueError as error:
@@ -115,8 +111,11 @@ def _source(shape: Mesh) -> tuple[str, bytes]:
     return file.filename_hint() or "a mesh in memory", file.contents()
 
 
-def _hydroelastic_mesh(shape: Box | Convex | Mesh) -> TriangleSurfaceMesh:
+def _drake_mesh(shape: Box | Convex | Mesh) -> TriangleSurfaceMesh:
     """Returns the mesh that rigid hydroelastic contact makes of a shape."""
+    if isinstance(shape, Mesh) and shape.extension() == ".obj" and shape.source().is_path():
+        # The same triangles, read several times as fast.
+        return ReadObjToTriangleSurfaceMesh(shape.source().path(), np.asarray(shape.scale3()))
     scene_graph = SceneGraph()
     instance = GeometryInstance(RigidTransform(), shape, "surface")
     properties = ProximityProperties()

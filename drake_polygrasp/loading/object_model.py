@@ -24,6 +24,7 @@ from drake_polygrasp.loading.body_object import (
     collision_parts,
     covering_parts,
     describe_group,
+    friction_warnings,
     lesser_friction,
     mass_properties,
     object_of,
@@ -277,7 +278,7 @@ def _friction(
 ) -> tuple[list[float], list[str]]:
     """Returns the coefficient of each collider, and warnings, among them of assumed ones."""
     friction: list[float] = []
-    warnings: list[str] = []
+    stated: list[tuple[str, tuple[float, float]]] = []
     assumed: dict[str, dict[str, None]] = {}
     for link, _, colliders, statements in links:
         places = " or ".join(statements.unread)
@@ -289,9 +290,10 @@ def _friction(
                 friction.append(DEFAULT_MU)
                 assumed.setdefault(reason, {})[link] = None
             else:
-                mu, messages = lesser_friction(*pair, inspector.GetName(geometry), where)
-                friction.append(mu)
-                warnings += messages
+                name = inspector.GetName(geometry)
+                stated.append((name, pair))
+                friction.append(lesser_friction(*pair, name, where))
+    warnings = [*friction_warnings(stated, where)]
     for reason, names in assumed.items():
         who = ": link" if len(names) == 1 else ": each of the links"
         who = "" if len(links) == 1 else f"{who} {quote_names(list(names))}"

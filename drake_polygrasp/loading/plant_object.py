@@ -33,6 +33,7 @@ from drake_polygrasp.loading.body_object import (
     collision_parts,
     covering_parts,
     describe_group,
+    friction_warnings,
     identity_of,
     lesser_friction,
     mass_properties,
@@ -162,21 +163,23 @@ def _friction(
     if mu is not None:
         return [mu] * len(colliders), []
     friction: list[float] = []
-    warnings: list[str] = []
+    stated: list[tuple[str, tuple[float, float]]] = []
     for geometry, _, _ in colliders:
         name, pair = inspector.GetName(geometry), stated_friction(inspector, geometry)
         if pair is None:
             friction.append(DEFAULT_MU)
-            warnings.append(f"{where} states no friction; {DEFAULT_MU} is assumed")
-            continue
-        least, messages = lesser_friction(*pair, name, where)
-        friction.append(least)
-        warnings += messages
-        if pair == (1, 1):
-            warnings.append(
-                f"{where}: the friction of '{name}' is 1, which is also Drake's default where a "
-                "model states none; give mu to plan with less"
-            )
+        else:
+            stated.append((name, pair))
+            friction.append(lesser_friction(*pair, name, where))
+    warnings = [*friction_warnings(stated, where)]
+    if len(stated) < len(colliders):
+        warnings.append(f"{where} states no friction; {DEFAULT_MU} is assumed")
+    unsaid = [name for name, pair in stated if pair == (1, 1)]
+    if unsaid:
+        warnings.append(
+            f"{where}: the friction of {quote_names(unsaid)} is 1, which is also Drake's default "
+            "where a model states none; give mu to plan with less"
+        )
     return friction, warnings
 
 

@@ -47,6 +47,7 @@ def urdf(collision: str, links: int = 1) -> str:
 BOX = '<box size="0.1 0.1 0.1"/>'
 SDF_BOX = "<box><size>0.1 0.1 0.1</size></box>"
 CONE = "<cone><radius>0.1</radius><length>0.1</length></cone>"
+NORMALS_OBJ = CUBE_OBJ.replace("\nf 1 ", "\nf 1//9 ", 1)
 NEGATIVE = "<surface><friction><ode><mu>-1</mu></ode></friction></surface>"
 
 
@@ -70,6 +71,34 @@ def test_links_that_state_no_friction_are_named_in_one_line(tmp_path: Path) -> N
     assert said == [f"{where}: {each}"]
     (said,) = load_object(tmp_path / "one.urdf").warnings
     assert said.endswith("one.urdf: body 'l0' states no friction; 0.3 is assumed")
+
+
+def test_one_line_says_which_of_two_coefficients_many_shapes_are_planned_with(
+    tmp_path: Path,
+) -> None:
+    shapes = "".join(
+        f'<collision name="c{k}"><pose>0 0 {0.1 * k} 0 0 0</pose><geometry>{SDF_BOX}</geometry>'
+        f"<surface><friction><ode><mu>{mu}</mu><mu2>0.4</mu2></ode></friction></surface>"
+        "</collision>"
+        for k, mu in enumerate([0.5, 0.4, 0.5, 0.6])
+    )
+    model = f'<sdf version="1.9"><model name="m"><link name="a">{shapes}</link></model></sdf>'
+    write_all(tmp_path, {"m.sdf": model})
+    object_ = load_object(tmp_path / "m.sdf")
+    said = [w.partition("friction of ")[2] for w in object_.warnings if "friction" in w]
+    assert [w.partition(" static")[0] for w in said] == ["'m::c0', 'm::c2' is 0.5", "'m::c3' is 0.6"]
+    assert all("0.4 dynamic; 0.4 is used, because" in w for w in said)
+
+
+def test_what_drake_says_of_a_mesh_is_said_once_and_not_printed(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    files = {"m.sdf": sdf("<mesh><uri>cube.obj</uri></mesh>"), "cube.obj": NORMALS_OBJ}
+    write_all(tmp_path, files)
+    said = [w for w in load_object(tmp_path / "m.sdf").warnings if "normal indices" in w]
+    assert len(said) == 1
+    assert not caplog.records
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(
