@@ -30,6 +30,7 @@ vertices. A patch is a near-planar part of a curved or scanned surface, planned 
 | curved_pieces.py | convex pieces of curved solids around a contact |
 | visible_facets.py | facets that a fingertip may touch first when it misses a contact |
 | face_pieces.py | polygons on planar faces where fingertips may land, for many contacts |
+| landing_points.py | a few points where a fingertip may land when it misses a contact |
 | placement_regions.py | the surface that a fingertip may touch when it misses a contact |
 | exclusion.py | faces and directions that the user excludes from contact |
 | obstacles.py | solids around a body that fingertips must not touch |

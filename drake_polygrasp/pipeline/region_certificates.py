@@ -11,9 +11,10 @@ import numpy as np
 from drake_polygrasp.arguments import check_instance
 from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.certification.contact_regions import CertifiedRegions, certify_regions
-from drake_polygrasp.certification.region_search import RegionClaim
+from drake_polygrasp.certification.region_search import RegionClaim, find_common_forces
 from drake_polygrasp.digits import at_most
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.landing_points import landing_points
 from drake_polygrasp.geometry.placement_regions import regions_of_grasps
 from drake_polygrasp.geometry.surface_pieces import SurfacePiece
 from drake_polygrasp.grasp import (
@@ -179,27 +180,68 @@ def prove_errors(
         The proof of each; None where contacts may touch what they must not, or no internal force
         proves all placements.
     """
-    if not grasps:
-        return []
-    radii = np.array([[at_most(r) for r in e.placement[list(g.faces)].tolist()] for g, e in grasps])
-    regions = regions_of_grasps(
-        object_.polyhedron,
-        np.stack([grasp.p_BC for grasp, _ in grasps]),
-        np.stack([grasp.nhat_TB_B for grasp, _ in grasps]),
-        np.array([grasp.faces for grasp, _ in grasps]),
-        radii,
-    )
-    held = [(k, pieces) for k, pieces in enumerate(regions) if pieces is not None]
-    claims = []
-    for k, pieces in held:
-        grasp, errors = grasps[k]
-        contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
-        claims.append(RegionClaim(*contacts, pieces, radii[k], errors.tilt, errors.friction))
     proved: list[ProvedErrors | None] = [None] * len(grasps)
+    tried = _held_at_points(object_, grasps)
+    if not tried:
+        return proved
+    regions = regions_of_grasps(object_.polyhedron, *_contacts([grasps[k] for k in tried]))
+    held = [(k, pieces) for k, pieces in zip(tried, regions, strict=True) if pieces is not None]
+    claims = [_claim(*grasps[k], pieces) for k, pieces in held]
     for (k, pieces), certified in zip(held, certify_regions(claims), strict=True):
         if certified is not None:
             proved[k] = ProvedErrors(grasps[k][1], pieces, certified)
     return proved
+
+
+def _held_at_points(object_: GraspObject, grasps: Sequence[tuple[Grasp, Errors]]) -> list[int]:
+    """Returns the grasps that an internal force holds at a few points where fingertips may land.
+
+    None holds the others in their regions, which take far longer to find.
+    """
+    on_patches = object_.polyhedron.is_patch
+    asked = [k for k, (grasp, _) in enumerate(grasps) if on_patches[list(grasp.faces)].any()]
+    if not asked:
+        return list(range(len(grasps)))
+    p_BC, nhat_TB_B, face, radius = _contacts([grasps[k] for k in asked])
+    points, normals = landing_points(
+        object_.polyhedron,
+        p_BC.reshape(-1, 3),
+        nhat_TB_B.reshape(-1, 3),
+        face.ravel(),
+        radius.ravel(),
+    )
+    pieces = [
+        tuple(SurfacePiece(p[None], nhat) for p, nhat in zip(*each, strict=True))
+        for each in zip(points, normals, strict=True)
+    ]
+    claims = [_claim(*grasps[k], pieces[3 * n : 3 * n + 3]) for n, k in enumerate(asked)]
+    found = find_common_forces(claims)
+    lost = {k for k, force in zip(asked, found, strict=True) if force is None}
+    return [k for k in range(len(grasps)) if k not in lost]
+
+
+def _claim(
+    grasp: Grasp, errors: Errors, regions: Sequence[tuple[SurfacePiece, ...]]
+) -> RegionClaim:
+    """Returns what is to be proved of a grasp whose contacts may be in regions."""
+    contacts = grasp.p_BC, grasp.nhat_TB_B, grasp.mu
+    radius = _radii(grasp, errors)
+    return RegionClaim(*contacts, regions, np.array(radius), errors.tilt, errors.friction)
+
+
+def _contacts(grasps: Sequence[tuple[Grasp, Errors]]) -> tuple[Array, Array, Ints, Array]:
+    """Returns points, normals, faces and placement errors of contacts, with rows for grasps."""
+    return (
+        np.stack([grasp.p_BC for grasp, _ in grasps]),
+        np.stack([grasp.nhat_TB_B for grasp, _ in grasps]),
+        np.array([grasp.faces for grasp, _ in grasps]),
+        np.array([_radii(*each) for each in grasps]),
+    )
+
+
+def _radii(grasp: Grasp, errors: Errors) -> list[float]:
+    """Returns the placement errors of the three contacts, as a file states them [m]."""
+    return [at_most(r) for r in errors.placement[list(grasp.faces)].tolist()]
 
 
 def bound_errors(

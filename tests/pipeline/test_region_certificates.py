@@ -22,10 +22,16 @@ from drake_polygrasp.arrays import Array, frozen
 from drake_polygrasp.certification.exact import narrowed_friction
 from drake_polygrasp.certification.robustness import epsilon_interval
 from drake_polygrasp.errors import UsageError
+from drake_polygrasp.geometry.placement_regions import regions_of_grasps
+from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.grasp import Grasp, GraspObject, GraspPlane
+from drake_polygrasp.pipeline import region_certificates
+from drake_polygrasp.pipeline.region_certificates import Errors, prove_errors
 from drake_polygrasp.wrenches.contacts import force_closure
+from tests.support.common import round_body
 from tests.support.grasp_files import BOX_SDF
 from tests.support.grasp_regions import FRICTION, GREATEST, TILT
+from tests.support.solids import solid
 
 MODELS = Path(__file__).parents[2] / "models"
 ERRORS = {
@@ -160,3 +166,33 @@ def test_the_example_in_help_certifies_a_grasp(capsys: pytest.CaptureFixture[str
         {"box": brick, "plan_grasps": plan_grasps, "certify_region": certify_region},
     )
     assert float(capsys.readouterr().out) > 0
+
+
+def test_grasps_lost_at_points_where_fingertips_land_are_lost_in_their_regions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    object_ = solid(round_body(4000, (0.03, 0.04, 0.05), noise=2e-4, seed=5), mu=0.5)
+    grasps = [found.grasp for found in plan_grasps(object_, **NO_ERRORS, top=12).grasps]
+    none = np.zeros(len(object_.polyhedron.faces))
+    asked = [
+        (each, Errors(none + placement, 0.05, 0.1, 0.002))
+        for placement in (0.001, 0.002, 0.004)
+        for each in grasps
+    ]
+    quick = [each is not None for each in prove_errors(object_, asked)]
+    searched = []
+
+    def counted(polyhedron: Polyhedron, p_BC: Array, *contacts: Array) -> list:
+        searched.append(len(p_BC))
+        return regions_of_grasps(polyhedron, p_BC, *contacts)
+
+    def only_contacts(_: Polyhedron, p_BC: Array, nhat: Array, *__: Array) -> tuple[Array, Array]:
+        return p_BC[:, None], nhat[:, None]
+
+    monkeypatch.setattr(region_certificates, "regions_of_grasps", counted)
+    assert [each is not None for each in prove_errors(object_, asked)] == quick
+    monkeypatch.setattr(region_certificates, "landing_points", only_contacts)
+    assert [each is not None for each in prove_errors(object_, asked)] == quick
+    # Of those that fail, most are not searched for regions.
+    few, all_ = searched
+    assert few - sum(quick) < (all_ - sum(quick)) / 2
