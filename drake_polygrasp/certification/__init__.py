@@ -10,6 +10,7 @@
 | contact_regions.py | certifies grasps for regions of contacts, and for the largest discs |
 | exact_cycle.py | checks these proofs in exact arithmetic, with the standard library alone |
 | certify.py | proves grasps, and computes the certificates of those that are force closure |
+| radii.py | bounds the radii of balls inside the wrench sets of many grasps |
 | robustness.py | bounds of epsilon, the tolerances and the squeeze force |
 | holding_forces.py | contact forces that hold the object against a load |
 """
@@ -36,7 +37,8 @@ if TYPE_CHECKING:
         hold,
         normal_forces,
     )
-    from drake_polygrasp.certification.robustness import GRAVITY, Interval, epsilon_interval
+    from drake_polygrasp.certification.radii import Interval
+    from drake_polygrasp.certification.robustness import GRAVITY, epsilon_interval
 
 __all__ = [
     "GRAVITY",
@@ -64,6 +66,7 @@ __getattr__, __dir__ = lazy_names(
         "contact_regions": ("largest_certified_radius",),
         "exact": ("attained_margin", "check_force_closure", "check_region", "narrowed_friction"),
         "holding_forces": ("Holding", "HoldingProgram", "friction_needed", "hold", "normal_forces"),
-        "robustness": ("GRAVITY", "Interval", "epsilon_interval"),
+        "radii": ("Interval",),
+        "robustness": ("GRAVITY", "epsilon_interval"),
     },
 )

@@ -15,8 +15,8 @@ from drake_polygrasp.certification.convex import (
     find_internal_forces,
     least_frictions,
 )
+from drake_polygrasp.certification.radii import Interval
 from drake_polygrasp.certification.robustness import (
-    Interval,
     epsilon_intervals,
     friction_tolerance,
     placement_tolerance,

@@ -2,61 +2,30 @@
 
 The wrench set W is the convex hull of the wrenches of the three exact friction cones with normal
 forces of total 1, torques taken about the centre of mass and divided by rho. epsilon is the radius
-of the largest ball about the origin in W (Ferrari & Canny, 1992). A polytope spanned by points of W
-lies inside W and bounds epsilon from below; the support function of W in any direction bounds it
-from above, closely in the directions that `epsilon_bound` finds. Support points of W along the
-normals of the polytope's nearest facets are added to it until the bounds are close.
+of the largest ball about the origin in W (Ferrari & Canny, 1992). `radii` bounds it from both
+sides, from above beginning with what `epsilon_bound` finds.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry.optimization import HPolyhedron, VPolytope
 
-from drake_polygrasp.arrays import Array, frozen
+from drake_polygrasp.arrays import Array
+from drake_polygrasp.certification.radii import FORCE, WRENCH, Interval, radius_intervals
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
-from drake_polygrasp.wrenches.support import cone_wrenches, support
+from drake_polygrasp.wrenches.support import cone_wrenches
 
 GRAVITY = 9.81
 """Acceleration of gravity [m/s^2]."""
 RELATIVE_GAP = 0.02
 """Our choice: greatest difference of the bounds, over the upper one."""
-_MAX_ROUNDS = 20
-"""Our choice: most rounds; 2 to 5 are usual. Wider bounds are still bounds."""
-_FACETS_A_ROUND = 6
-"""Our choice: facets refined at a time; few keep the hulls, which take most time, small."""
-_TIE = 1e-9
-"""Our choice: relative difference up to which numbers count as equal."""
-_QHULL_ROUNDING = 1e-9
-"""Our choice: error of a facet's offset, over the greatest point's length."""
 _FREE_TORQUE = 1e-6
 """Our choice: with this fraction of rho, torques cost almost nothing and the upper bound of epsilon
 is one of r_w."""
-
-# The part of a wrench in which a radius is measured.
-_WRENCH = slice(0, 6)
-_FORCE = slice(0, 3)
-
-
-@dataclass(frozen=True, eq=False)
-class Interval:
-    """Bounds of a radius, and the polytope inside W that proves the lower one.
-
-    Attributes:
-        lower: lower bound; 0 if the polytope is degenerate or the origin is not inside it.
-        upper: upper bound.
-        normals: outward unit normals w of the polytope's facets, wrenches (force, torque / rho),
-            shape (F, 6).
-        offsets: offsets of the facets w.g <= offset, shape (F,).
-    """
-
-    lower: float
-    upper: float
-    normals: Array
-    offsets: Array
+_ROUNDING = 1e-9
+"""Our choice: relative rounding error of that bound."""
 
 
 def epsilon_interval(
@@ -118,10 +87,7 @@ def epsilon_intervals(
     """
     upper = epsilon_upper_bound(p_BC, nhat_TB_B, mu, p_BBcm, rho)
     cones = cone_wrenches(p_BC, nhat_TB_B, mu, p_BBcm, rho)
-    return [
-        _radius_interval(one[None], _WRENCH, highest, at_least, relative_gap)
-        for one, highest in zip(cones, upper.tolist(), strict=True)
-    ]
+    return radius_intervals(cones, WRENCH, upper, at_least, relative_gap)
 
 
 def squeeze_interval(
@@ -151,73 +117,36 @@ def squeeze_interval(
         The bounds, and the polytope that proves the lower one.
     """
     contacts = p_BC[None], nhat_TB_B[None], mu[None]
-    (r_w,) = _squeeze_intervals(*contacts, p_BBcm, rho, relative_gap)
+    (r_w,) = squeeze_intervals(*contacts, p_BBcm, rho, relative_gap=relative_gap)
     return r_w
 
 
-def _squeeze_intervals(
-    p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float, relative_gap: float
+def squeeze_intervals(
+    p_BC: Array,
+    nhat_TB_B: Array,
+    mu: Array,
+    p_BBcm: Array,
+    rho: float,
+    *,
+    relative_gap: float = RELATIVE_GAP,
 ) -> list[Interval]:
-    """Bounds r_w of M grasps."""
-    upper = epsilon_upper_bound(p_BC, nhat_TB_B, mu, p_BBcm, _FREE_TORQUE * rho) * (1.0 + _TIE)
+    """Bounds r_w of M grasps, each as `squeeze_interval` does.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+        p_BBcm: centre of mass [m], shape (3,).
+        rho: greatest distance from the centre of mass to the surface [m].
+        relative_gap: refining stops once the difference of the bounds over the upper one is below
+            this.
+
+    Returns:
+        The bounds of each, and the polytope that proves the lower one.
+    """
+    upper = epsilon_upper_bound(p_BC, nhat_TB_B, mu, p_BBcm, _FREE_TORQUE * rho) * (1.0 + _ROUNDING)
     cones = cone_wrenches(p_BC, nhat_TB_B, mu, p_BBcm, rho)
-    return [
-        _radius_interval(one[None], _FORCE, highest, 0.0, relative_gap)
-        for one, highest in zip(cones, upper.tolist(), strict=True)
-    ]
-
-
-def _radius_interval(
-    cones: Array, part: slice, upper: float, at_least: float, relative_gap: float
-) -> Interval:
-    """Bounds the least h(w) / |part of w| over w for the cones of one grasp, (1, 3, 3, 6)."""
-    points = np.concatenate(
-        [cones[0, :, 0] + sign * cones[0, :, row] for row in (1, 2) for sign in (1.0, -1.0)]
-    )
-    lower, normals, offsets = 0.0, np.zeros((0, 6)), np.zeros(0)
-    for _ in range(_MAX_ROUNDS):
-        facets = None if upper < at_least else _facets(points)
-        if facets is None:
-            break
-        normals, offsets = facets
-        h, attained = (values[0] for values in support(cones, normals[None]))
-        highest = h.max(axis=1)
-        # A facet whose normal has no such part bounds nothing; the floor keeps its radius large.
-        length = np.maximum(np.linalg.norm(normals[:, part], axis=1), _QHULL_ROUNDING)
-        upper = min(upper, float((highest / length).min()))
-        radius = offsets / length
-        lower = max(0.0, float(radius.min()))
-        if upper - lower <= relative_gap * upper:
-            break
-        # All ties count, because a choice among equals would depend on the frame.
-        last = np.sort(radius)[:_FACETS_A_ROUND][-1]
-        near = radius <= min(last * (1.0 + _TIE), (1.0 - relative_gap) * upper)
-        tied = h >= highest[:, None] - _TIE * np.abs(highest)[:, None]
-        known = len(points)
-        points = _with_points(points, attained[near[:, None] & tied])
-        if len(points) == known:
-            break
-    upper = max(upper, lower)
-    return Interval(lower, upper, frozen(normals), frozen(offsets))
-
-
-def _facets(points: Array) -> tuple[Array, Array] | None:
-    """Computes the hull's facets w.g <= offset, less Qhull's rounding; None if it is flat."""
-    try:
-        hull = HPolyhedron(VPolytope(points.T))
-    except (RuntimeError, SystemExit):  # Drake's failed assertions are SystemExit.
-        return None
-    length = np.linalg.norm(hull.A(), axis=1)
-    rounding = _QHULL_ROUNDING * np.linalg.norm(points, axis=1).max()
-    return hull.A() / length[:, None], hull.b() / length - rounding
-
-
-def _with_points(points: Array, new: Array) -> Array:
-    """Adds new points that are not copies; symmetric facets share support points."""
-    distance = np.linalg.norm(new[:, None] - np.concatenate([points, new])[None], axis=-1)
-    earlier = np.arange(len(points) + len(new)) < len(points) + np.arange(len(new))[:, None]
-    copies = ((distance < _QHULL_ROUNDING) & earlier).any(axis=1)
-    return np.concatenate([points, new[~copies]])
+    return radius_intervals(cones, FORCE, upper, 0.0, relative_gap)
 
 
 def placement_tolerance(
@@ -326,5 +255,5 @@ def squeeze_forces(
     """
     return [
         mass * GRAVITY / r_w.lower if r_w.lower > 0.0 else None
-        for r_w in _squeeze_intervals(p_BC, nhat_TB_B, mu, p_BBcm, rho, RELATIVE_GAP)
+        for r_w in squeeze_intervals(p_BC, nhat_TB_B, mu, p_BBcm, rho)
     ]

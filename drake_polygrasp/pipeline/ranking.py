@@ -10,7 +10,8 @@ import numpy as np
 
 from drake_polygrasp.arrays import frozen
 from drake_polygrasp.certification.certify import ProvedGrasp, certify_proved
-from drake_polygrasp.certification.robustness import RELATIVE_GAP, Interval, epsilon_interval
+from drake_polygrasp.certification.radii import Interval
+from drake_polygrasp.certification.robustness import RELATIVE_GAP, epsilon_intervals
 from drake_polygrasp.digits import on_grid, significant, to_decimals
 from drake_polygrasp.geometry.surface_contact import edge_distance
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane, Quality
@@ -268,22 +269,33 @@ def _of_greatest_epsilon(
     intervals of the best by more than these are wide.
     """
     found: list[tuple[_Ranked, Interval]] = []
-    for entry in ranked:
+    tried = 0
+    while tried < len(ranked):
         full = len(found) == top
         least = min(epsilon.upper for _, epsilon in found) if full else -np.inf
-        if -entry.score * (1.0 - RELATIVE_GAP) <= least:
+        some = [
+            entry
+            for entry in ranked[tried : tried + top]
+            if -entry.score * (1.0 - RELATIVE_GAP) > least
+        ]
+        if not some:
             break
-        epsilon = _epsilon(work, entry.row, at_least=-found[-1][0].score if full else 0.0)
-        found.append((replace(entry, score=-round(epsilon.lower, 9)), epsilon))
+        tried += len(some)
+        epsilons = _epsilons(work, some, at_least=-found[-1][0].score if full else 0.0)
+        found += [
+            (replace(entry, score=-round(epsilon.lower, 9)), epsilon)
+            for entry, epsilon in zip(some, epsilons, strict=True)
+        ]
         found = sorted(found, key=lambda pair: pair[0])[:top]
     return {entry.row: epsilon for entry, epsilon in found}
 
 
-def _epsilon(work: ProjectedCandidates, row: int, at_least: float) -> Interval:
-    """Bounds a candidate's epsilon, closely only if it reaches `at_least`."""
-    p_BC, nhat_TB_B, mu = (values[row] for values in work.contacts)
+def _epsilons(work: ProjectedCandidates, entries: list[_Ranked], at_least: float) -> list[Interval]:
+    """Bounds epsilon of candidates, closely only if it reaches `at_least`."""
+    rows = np.array([entry.row for entry in entries], dtype=np.int64)
+    p_BC, nhat_TB_B, mu = (values[rows] for values in work.contacts)
     scale = work.request.object_.p_BBcm, work.request.object_.rho
-    return epsilon_interval(p_BC, nhat_TB_B, mu, *scale, at_least=at_least)
+    return epsilon_intervals(p_BC, nhat_TB_B, mu, *scale, at_least=at_least)
 
 
 def _certified(

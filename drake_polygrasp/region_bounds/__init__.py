@@ -8,7 +8,6 @@
 | side_by_side.py | runs searches of several grasps so that they share array work |
 | ranging_contacts.py | contacts that may be anywhere in their regions, and their friction cones |
 | swept_generators.py | forces that serve contacts all over their regions |
-| hulls.py | builds convex hulls of several sets of wrenches side by side |
 | first_facets.py | finds surfaces to begin with: hulls near to what contacts reach |
 | simplex_cycle.py | works on closed surfaces of simplices of wrenches |
 | swept_facets.py | raises what a surface of facets proves, by better facets |

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, join_rows
-from drake_polygrasp.region_bounds.hulls import (
-    Hulls,
-    nearest_facets,
-    simplex_hulls,
-    spanning_points,
-    with_points,
-)
 from drake_polygrasp.region_bounds.side_by_side import Work
 from drake_polygrasp.region_bounds.swept_generators import SweptGenerators, uneven
 from drake_polygrasp.vectors import cross, dot
+from drake_polygrasp.wrenches.hulls import (
+    Hulls,
+    hulls_of,
+    nearest_facets,
+    spanning_points,
+    with_points,
+)
 
 _MOST_ADDED = 40
 """Our choice: generators that are added to a hull at most."""
@@ -71,9 +71,9 @@ class FirstFacets(Work[FirstSurface]):
             The answer to each.
         """
         first = np.stack([work.generators.middle for work in works])
-        seven, spans = spanning_points(first)
+        _, spans = spanning_points(first)
         some = np.flatnonzero(spans)
-        found = iter(_surfaces([works[k] for k in some.tolist()], first[some], seven[some]))
+        found = iter(_surfaces([works[k] for k in some.tolist()], first[some]))
         return [
             next(found) if each else _none(work) for work, each in zip(works, spans, strict=True)
         ]
@@ -87,18 +87,12 @@ def _none(work: FirstFacets) -> FirstSurface:
     return FirstSurface(*none, no_simplices, no_twists, False)
 
 
-def _surfaces(works: Sequence[FirstFacets], first: Array, seven: Ints) -> list[FirstSurface]:
-    """Builds hulls of the first generators, (T, G, 6), from seven of each, (T, 7), and of more."""
+def _surfaces(works: Sequence[FirstFacets], first: Array) -> list[FirstSurface]:
+    """Builds hulls of the first generators, (T, G, 6), and of more."""
     if not works:
         return []
-    sets, num = np.arange(len(works)), first.shape[1]
-    others = np.ones((len(works), num), dtype=bool)
-    others[sets[:, None], seven] = False
-    order = np.column_stack([seven, np.nonzero(others)[1].reshape(len(works), -1)])
-    hulls = simplex_hulls(first[sets[:, None], seven])
-    all_ = np.ones(len(works), dtype=bool)
-    for k in range(7, num):
-        hulls = with_points(hulls, first[sets, order[:, k]], all_, k)
+    num = first.shape[1]
+    hulls, order = hulls_of(first)
     order = np.column_stack([order, np.tile(num + np.arange(_MOST_ADDED), (len(works), 1))])
     hulls, contact, force, count = _refined(hulls, works, num)
     w, offset = hulls.twists()

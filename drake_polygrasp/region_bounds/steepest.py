@@ -16,8 +16,8 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.region_bounds.load_norm import LoadNorm
 from drake_polygrasp.region_bounds.side_by_side import Work
-from drake_polygrasp.region_bounds.simplex_cycle import inverse_definite
 from drake_polygrasp.region_bounds.swept_generators import CORNERS_AT_ONCE, SweptGenerators
+from drake_polygrasp.wrenches.linear_systems import inverse_definite
 
 _MOST_STEPS = 20
 """Our choice: changes of corners at one; three of four facets need one."""

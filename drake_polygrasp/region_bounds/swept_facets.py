@@ -19,7 +19,6 @@ from drake_polygrasp.region_bounds.best_forces import BestForces
 from drake_polygrasp.region_bounds.load_norm import LoadNorm
 from drake_polygrasp.region_bounds.side_by_side import Search, result_of
 from drake_polygrasp.region_bounds.simplex_cycle import (
-    MOST_POINTS,
     coned,
     connected,
     modulo_2,
@@ -27,6 +26,7 @@ from drake_polygrasp.region_bounds.simplex_cycle import (
 )
 from drake_polygrasp.region_bounds.steepest import Steepen
 from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
+from drake_polygrasp.wrenches.hulls import MOST_POINTS
 
 _OLD_GAIN = 0.7
 """Our choice: a generator that is there already is taken if it gains this share of the best."""

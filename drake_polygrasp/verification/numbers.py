@@ -7,7 +7,7 @@ the recomputed one.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,14 +15,14 @@ import numpy as np
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.convex import find_internal_forces, friction_at
+from drake_polygrasp.certification.radii import Interval
 from drake_polygrasp.certification.robustness import (
     GRAVITY,
     RELATIVE_GAP,
-    Interval,
-    epsilon_interval,
+    epsilon_intervals,
     friction_tolerance,
     placement_tolerance,
-    squeeze_interval,
+    squeeze_intervals,
     tilt_tolerance,
 )
 from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
@@ -33,7 +33,7 @@ _FORCE_TOLERANCE = 1e-9
 """Our choice: error of forces of total 1; printed doubles are exact to 1e-15."""
 ROUNDING = 1e-9
 """Our choice: relative rounding error of closed forms."""
-_QHULL_ROUNDING = 1e-6
+_HULL_ROUNDING = 1e-6
 """Our choice: relative rounding error of bounds that hulls give."""
 _GAPS = (RELATIVE_GAP, 1e-3, 1e-5)
 """Our choice: relative gaps of bounds, tried in turn. Which facets are refined differs between
@@ -79,28 +79,35 @@ def check_proof(grasp: Grasp, x: Array) -> exact.Check:
 
 
 def number_violations(
-    stated: StatedGrasp, object_: StatedObject, clearance: float | None
-) -> list[str]:
-    """Recomputes the numbers of a certificate and compares them with the stated ones.
+    grasps: Sequence[StatedGrasp], object_: StatedObject, clearances: Sequence[float | None]
+) -> list[list[str]]:
+    """Recomputes the numbers of certificates and compares them with the stated ones.
 
     Args:
-        stated: a grasp of a file, proved by its internal force.
+        grasps: grasps of a file, proved by their internal forces.
         object_: the object that the file states, for its mass, centre of mass and rho.
-        clearance: least distance from a contact to an edge of its face [m], which bounds the
-            placement tolerance; None if no face is known.
+        clearances: for each grasp the least distance from a contact to an edge of its face [m],
+            which bounds the placement tolerance; None if no face is known.
 
     Returns:
-        One message for each number that is more favourable than the recomputed one.
+        For each grasp one message for each number that is more favourable than the recomputed one.
     """
-    faults: list[str] = []
+    faults: list[list[str]] = [[] for _ in grasps]
+    left = [*range(len(grasps))]
     for relative_gap in _GAPS:
-        bounds = _bounds(stated, object_, relative_gap)
-        faults = list(_bound_violations(stated, object_, clearance, *bounds, _QHULL_ROUNDING))
-        # Closer bounds cannot confirm a number that is off by more than the gap of these.
-        lasting = _bound_violations(stated, object_, clearance, *bounds, 2 * relative_gap)
-        if not faults or any(lasting):
-            break
-    return [*_plain_violations(stated, object_), *faults]
+        bounds = _bounds([grasps[k] for k in left], object_, relative_gap)
+        open_ = []
+        for k, found in zip(left, bounds, strict=True):
+            compared = grasps[k], object_, clearances[k], *found
+            faults[k] = [*_bound_violations(*compared, _HULL_ROUNDING)]
+            # Closer bounds cannot confirm a number that is off by more than the gap of these.
+            lasting = any(_bound_violations(*compared, 2 * relative_gap))
+            open_ += [k] if faults[k] and not lasting else []
+        left = open_
+    return [
+        [*_plain_violations(stated, object_), *own]
+        for stated, own in zip(grasps, faults, strict=True)
+    ]
 
 
 def _plain_violations(stated: StatedGrasp, object_: StatedObject) -> Iterator[str]:
@@ -122,16 +129,25 @@ def _plain_violations(stated: StatedGrasp, object_: StatedObject) -> Iterator[st
 
 
 def _bounds(
-    stated: StatedGrasp, object_: StatedObject, relative_gap: float
-) -> tuple[Interval, float]:
+    grasps: Sequence[StatedGrasp], object_: StatedObject, relative_gap: float
+) -> list[tuple[Interval, float]]:
     """Bounds epsilon and the squeeze force [N]; the latter is infinite if it is unknown."""
-    grasp, mass = stated.grasp, object_.mass
-    arguments = grasp.p_BC, grasp.nhat_TB_B, grasp.mu, object_.p_BBcm, object_.rho
-    epsilon = epsilon_interval(*arguments, relative_gap=relative_gap)
-    if mass is None or stated.certificate.squeeze_force is None:
-        return epsilon, math.inf
-    r_w = squeeze_interval(*arguments, relative_gap=relative_gap).lower
-    return epsilon, mass * GRAVITY / r_w if r_w > 0 else math.inf
+    if not grasps:
+        return []
+    p_BC, nhat_TB_B, mu = (
+        np.stack([getattr(stated.grasp, name) for stated in grasps])
+        for name in ("p_BC", "nhat_TB_B", "mu")
+    )
+    scale = object_.p_BBcm, object_.rho
+    epsilons = epsilon_intervals(p_BC, nhat_TB_B, mu, *scale, relative_gap=relative_gap)
+    forces = np.full(len(grasps), np.inf)
+    states = np.array([stated.certificate.squeeze_force is not None for stated in grasps])
+    if object_.mass is not None and states.any():
+        contacts = p_BC[states], nhat_TB_B[states], mu[states]
+        squeezes = squeeze_intervals(*contacts, *scale, relative_gap=relative_gap)
+        r_w = np.array([each.lower for each in squeezes])
+        forces[states] = np.where(r_w > 0, object_.mass * GRAVITY / r_w, np.inf)
+    return list(zip(epsilons, forces.tolist(), strict=True))
 
 
 def _bound_violations(

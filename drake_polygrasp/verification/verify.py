@@ -28,14 +28,12 @@ from drake_polygrasp.errors import MissingPackageError, ModelError, UsageError
 from drake_polygrasp.files.grasp_file import load_grasps
 from drake_polygrasp.files.stated_grasp import GraspFile, StatedGrasp, StatedObject
 from drake_polygrasp.geometry.exclusion import Exclusion
-from drake_polygrasp.geometry.polyhedron import Polyhedron
-from drake_polygrasp.geometry.surface_contact import LocatedContacts, edge_distance, locate_contacts
+from drake_polygrasp.geometry.surface_contact import edge_distance, locate_contacts
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.loading.model_source import model_digest
 from drake_polygrasp.loading.packages import find_packages
 from drake_polygrasp.verification.numbers import (
     ROUNDING,
-    check_proof,
     force_violations,
     number_violations,
 )
@@ -55,6 +53,7 @@ from drake_polygrasp.verification.report import (
     Status,
     VerificationReport,
 )
+from drake_polygrasp.verification.surface import surface_violations
 
 
 @dataclass(frozen=True)
@@ -128,10 +127,13 @@ def verify_file(
     # A file may state numbers of any size; every comparison below fails if one overflows.
     with np.errstate(all="ignore"):
         grasps: list[GraspVerification] = []
+        clearances: list[float | None] = []
         for stated in file.grasps:
             tell(len(grasps), len(file.grasps))
-            grasps.append(_verify_grasp(stated, file.object_, model, avoided, hand))
-        grasps = _with_regions(grasps, file)
+            verification, clearance = _verify_grasp(stated, model, avoided, hand)
+            grasps.append(verification)
+            clearances.append(clearance)
+        grasps = _with_regions(_with_numbers(grasps, clearances, file), file)
     if plant and model.object_ is not None:
         for i, stated in enumerate(file.grasps):
             tell(i, len(file.grasps))
@@ -163,29 +165,23 @@ def _hand_check(
 
 
 def _verify_grasp(
-    stated: StatedGrasp,
-    object_: StatedObject,
-    model: _Model,
-    avoided: Exclusion,
-    hand: HandCheck | None,
-) -> GraspVerification:
+    stated: StatedGrasp, model: _Model, avoided: Exclusion, hand: HandCheck | None
+) -> tuple[GraspVerification, float | None]:
+    """Checks a grasp but for NUMBERS, and returns the clearance of `_check_surface` [m]."""
     surface, clearance = model.line, None
     if model.object_ is not None:
         surface, clearance = _check_surface(stated, model.object_, avoided)
     forces = _line(Status.PROVED, chain(force_violations(stated), region_violations(stated)))
-    numbers = (
-        CheckResult(Status.NOT_CHECKED, "the grasp is not proved")
-        if forces.status is Status.FAILED
-        else _check_numbers(stated, object_, clearance)
-    )
+    numbers = CheckResult(Status.NOT_CHECKED, "the grasp is not proved")
     held = None
     if stated.hand is not None:
         reason = "the object's model is not there, or not as stated"
         held = hand.check(stated) if hand else CheckResult(Status.NOT_CHECKED, reason)
     bears = None if stated.region is None else float(stated.region.placement_error.min())
-    return GraspVerification(
+    checks = GraspVerification(
         forces, surface, numbers, stated_plant=stated.plant, hand=held, bears=bears
     )
+    return checks, clearance
 
 
 def _surroundings(
@@ -304,7 +300,7 @@ def _check_surface(
     grasp, polyhedron = stated.grasp, object_.polyhedron
     touched = locate_contacts(polyhedron, grasp.p_BC, grasp.nhat_TB_B)
     violations = chain(
-        _surface_violations(stated, polyhedron, touched, avoided),
+        surface_violations(stated, polyhedron, touched, avoided),
         region_surface_violations(stated, polyhedron, touched),
     )
     line = _line(Status.RECOMPUTED, violations)
@@ -313,32 +309,21 @@ def _check_surface(
     return line, float(edge_distance(polyhedron, grasp.p_BC, touched.face).min())
 
 
-def _surface_violations(
-    stated: StatedGrasp, polyhedron: Polyhedron, touched: LocatedContacts, avoided: Exclusion
-) -> Iterator[str]:
-    """Yields one message for each contact that the surface does not have, or the plan avoids."""
-    grasp, x = stated.grasp, stated.certificate.internal_force
-    mu = grasp.mu.copy()
-    for i, k in enumerate(touched.face):
-        if k < 0:
-            yield f"contact {i + 1} is not on the exposed surface, or not along its normal"
-        mu[i] = min(mu[i], polyhedron.faces[k].mu)
-        if not grasp.mu[i] <= mu[i] * (1 + ROUNDING):
-            yield f"contact {i + 1} claims friction {grasp.mu[i]:.6g}, its face has {mu[i]:.6g}"
-    for i, is_avoided in enumerate(avoided.avoids(grasp.nhat_TB_B, touched.face)):
-        if is_avoided:
-            yield f"contact {i + 1} is where the plan says that no finger may be"
-    # Near the boundary of force closure, errors within the tolerances above could matter.
-    true = replace(grasp, p_BC=touched.p_BC, nhat_TB_B=touched.nhat_TB_B, mu=mu)
-    if check_proof(grasp, x).ok and not (check := check_proof(true, x)).ok:
-        yield f"with the surface's own points and normals, {check.reason}"
-
-
-def _check_numbers(stated: StatedGrasp, body: StatedObject, clearance: float | None) -> CheckResult:
-    """Recomputes the numbers of a certificate."""
+def _with_numbers(
+    grasps: list[GraspVerification], clearances: list[float | None], file: GraspFile
+) -> list[GraspVerification]:
+    """Recomputes the numbers of the certificates of grasps that are proved."""
     left_out = "placement_tolerance is not held against the faces' edges"
-    violations = number_violations(stated, body, clearance)
-    return _line(Status.RECOMPUTED, violations, left_out if clearance is None else "")
+    rows = [i for i, checks in enumerate(grasps) if checks.forces.status is not Status.FAILED]
+    stated = [file.grasps[i] for i in rows]
+    found = number_violations(stated, file.object_, [clearances[i] for i in rows])
+    lines = {
+        i: _line(Status.RECOMPUTED, each, left_out if clearances[i] is None else "")
+        for i, each in zip(rows, found, strict=True)
+    }
+    return [
+        replace(checks, numbers=lines.get(i, checks.numbers)) for i, checks in enumerate(grasps)
+    ]
 
 
 def _with_regions(grasps: list[GraspVerification], file: GraspFile) -> list[GraspVerification]:

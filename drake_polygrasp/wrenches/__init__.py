@@ -28,5 +28,7 @@ in floating point; `certification` proves.
 | facet_twists.py | twists w whose supporting facet of W contains the whole friction disc of one contact |
 | epsilon_bound.py | upper bounds of epsilon, and the directions in which h is least |
 | epsilon_estimate.py | the same bounds in single precision, a few microseconds per grasp |
+| hulls.py | builds convex hulls of several sets of wrenches side by side |
+| linear_systems.py | solves many small linear systems, the same on every processor |
 | region_support.py | the least h(w) when contacts, normals and the centre of mass may be off |
 """  # noqa: E501 - a table

@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import minimize, nnls
 
 from drake_polygrasp.region_bounds.load_norm import LoadNorm
-from drake_polygrasp.region_bounds.simplex_cycle import inverse_definite
 from drake_polygrasp.region_bounds.steepest import _raised
+from drake_polygrasp.wrenches.linear_systems import inverse_definite
 from drake_polygrasp.wrenches.region_support import load_reach
 
 

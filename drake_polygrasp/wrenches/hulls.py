@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints
-from drake_polygrasp.region_bounds.simplex_cycle import MOST_POINTS, solve
+from drake_polygrasp.wrenches.linear_systems import solve
 
+MOST_POINTS = 512
+"""Our choice: most points of a hull, so that an index has nine bits in a key."""
 _FLAT = 1e-12
 """Our choice: a point is in the span of others if its squared distance from it is at most this part
 of the greatest squared distance from the first point."""
@@ -37,7 +39,8 @@ class Hulls:
         simplices: rows of six ascending indices of points of its hull, shape (J, 6).
         normals: vectors w such that w.(x - inside) <= 1 for all points x of the hull, with equality
             on the facet, shape (J, 6).
-        beyond: the facet across each ridge, shape (J, 6); ridge k is without vertex k.
+        beyond: what is across each ridge, shape (J, 6): eight times the index of a facet plus the
+            number of the same ridge there. Ridge k of a facet is without its vertex k.
     """
 
     inside: Array
@@ -55,7 +58,50 @@ class Hulls:
     def rows(self) -> list[Ints]:
         """Returns the facets of each hull, ascending."""
         order = np.argsort(self.owner, kind="stable")
-        return np.split(order, np.cumsum(np.bincount(self.owner))[:-1])
+        num = np.bincount(self.owner, minlength=len(self.inside))
+        return np.split(order, np.cumsum(num))[:-1]
+
+    def take(self, kept: Bools) -> Hulls:
+        """Returns some of the hulls.
+
+        Args:
+            kept: which, shape (T,).
+        """
+        rows = kept[self.owner]
+        place, number = np.cumsum(rows) - 1, np.cumsum(kept) - 1
+        beyond = self.beyond[rows]
+        return Hulls(
+            self.inside[kept],
+            number[self.owner[rows]],
+            self.simplices[rows],
+            self.normals[rows],
+            _ridge(place[beyond >> 3], beyond & 7),
+        )
+
+
+def _ridge(facet: Ints, number: Ints | int) -> Ints:
+    """Returns ridges of facets as `Hulls.beyond` states them; neighbours share one ridge or two."""
+    return (facet << 3) + number
+
+
+def hulls_of(points: Array) -> tuple[Hulls, Ints]:
+    """Returns the hulls of sets of points that span the space.
+
+    Args:
+        points: wrenches of each set, shape (T, G, 6).
+
+    Returns:
+        The hulls; and for each set, shape (T, G), which of its points has which index there.
+    """
+    sets, num = np.arange(len(points))[:, None], points.shape[1]
+    seven, _ = spanning_points(points)
+    others = np.ones(points.shape[:2], dtype=bool)
+    others[sets, seven] = False
+    order = np.column_stack([seven, np.nonzero(others)[1].reshape(len(points), num - 7)])
+    hulls, all_ = simplex_hulls(points[sets, seven]), np.ones(len(points), dtype=bool)
+    for k in range(7, num):
+        hulls = with_points(hulls, points[sets[:, 0], order[:, k]], all_, k)
+    return hulls, order
 
 
 def spanning_points(points: Array) -> tuple[Ints, Bools]:
@@ -97,8 +143,12 @@ def simplex_hulls(points: Array) -> Hulls:
     normals = solve(systems, np.ones((6, 7 * num))).T
     owner = np.repeat(np.arange(num), 7)
     simplices = np.tile(_SIXES, (num, 1))
-    # Facet k has all points but 6 - k, so beyond its ridge without point v is facet 6 - v.
-    return Hulls(inside, owner, simplices, normals, 6 - simplices + 7 * owner[:, None])
+    # Facet k has all points but 6 - k, so beyond its ridge without point v is facet 6 - v, in whose
+    # ascending points 6 - k comes one place earlier if it is above v.
+    missing = np.tile(6 - np.arange(7), num)[:, None]
+    number = missing - (missing > simplices)
+    beyond = _ridge(6 - simplices + 7 * owner[:, None], number)
+    return Hulls(inside, owner, simplices, normals, beyond)
 
 
 def with_points(hulls: Hulls, points: Array, is_added: Bools, index: int) -> Hulls:
@@ -118,16 +168,17 @@ def with_points(hulls: Hulls, points: Array, is_added: Bools, index: int) -> Hul
     """
     height = (hulls.normals * (points - hulls.inside)[hulls.owner]).sum(axis=1)
     sees = is_added[hulls.owner] & (height > 1.0 + _VISIBLE)
-    near, k = np.nonzero(sees[:, None] & ~sees[hulls.beyond])
-    far = hulls.beyond[near, k]
+    near, k = np.nonzero(sees[:, None] & ~sees[hulls.beyond >> 3])
+    across = hulls.beyond[near, k]
+    far = across >> 3
     share = ((1.0 - height[far]) / (height[near] - height[far]))[:, None]
     normals = share * hulls.normals[near] + (1.0 - share) * hulls.normals[far]
     ridges = np.take_along_axis(hulls.simplices[near], _OTHERS[k], 1)
     owner, kept = hulls.owner[near], np.flatnonzero(~sees)
     place, fresh = np.cumsum(~sees) - 1, len(kept) + np.arange(len(near))
-    beyond = place[hulls.beyond]
-    beyond[far, (hulls.beyond[far] == near[:, None]).argmax(axis=1)] = fresh
-    cone = np.column_stack([len(kept) + _paired(ridges, owner), place[far]])
+    beyond = _ridge(place[hulls.beyond >> 3], hulls.beyond & 7)
+    beyond[far, across & 7] = _ridge(fresh, 5)
+    cone = np.column_stack([_paired(ridges, owner, len(kept)), _ridge(place[far], across & 7)])
     return Hulls(
         hulls.inside,
         np.concatenate([hulls.owner[kept], owner]),
@@ -139,13 +190,17 @@ def with_points(hulls: Hulls, points: Array, is_added: Bools, index: int) -> Hul
     )
 
 
-def _paired(ridges: Ints, owner: Ints) -> Ints:
-    """Returns the ridge that has all vertices but one in common, for each vertex, (R, 5)."""
+def _paired(ridges: Ints, owner: Ints, first: int) -> Ints:
+    """Returns what is across the ridges of facets from given ridges to one more vertex, but these.
+
+    The facets are numbered from `first`. Ridges across each other have four vertices in common.
+    """
     keys = (ridges[:, _FOURS] * _POWERS).sum(axis=2) + owner[:, None] * MOST_POINTS**4
     order = np.argsort(keys, axis=None, kind="stable")
+    ridge = _ridge(first + order // 5, order % 5)
     across = np.empty(keys.size, dtype=np.int64)
     # The ridges around what is replaced are closed: every four vertices occur twice.
-    across[order[::2]], across[order[1::2]] = order[1::2] // 5, order[::2] // 5
+    across[order[::2]], across[order[1::2]] = ridge[1::2], ridge[::2]
     return across.reshape(-1, 5)
 
 

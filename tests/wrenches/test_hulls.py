@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from drake_polygrasp.region_bounds.hulls import (
+from drake_polygrasp.region_bounds.simplex_cycle import encloses, is_closed
+from drake_polygrasp.wrenches.hulls import (
     nearest_facets,
     simplex_hulls,
     spanning_points,
     with_points,
 )
-from drake_polygrasp.region_bounds.simplex_cycle import encloses, is_closed
 
 NUM_POINTS = 24
 
@@ -49,14 +49,39 @@ def test_hulls_have_the_facets_that_qhull_finds():
         assert encloses(own, hulls.simplices[rows]) == (offset[rows].min() > 0.0)
 
 
+def ridge(hulls, facet, number):
+    return {*np.delete(hulls.simplices[facet], number).tolist()}
+
+
+def assert_ridges_are_shared(hulls):
+    for facet, beyond in enumerate(hulls.beyond.tolist()):
+        for k, (other, number) in enumerate(divmod(each, 8) for each in beyond):
+            assert hulls.owner[other] == hulls.owner[facet]
+            assert ridge(hulls, other, number) == ridge(hulls, facet, k)
+            assert divmod(hulls.beyond[other, number], 8) == (facet, k)
+
+
 def test_every_ridge_is_shared_with_the_facet_beyond():
     hulls, _ = built(sets_of_points())
-    for row, beyond in enumerate(hulls.beyond):
-        for k, other in enumerate(beyond):
-            ridge = set(hulls.simplices[row]) - {hulls.simplices[row, k]}
-            assert hulls.owner[other] == hulls.owner[row]
-            assert ridge < set(hulls.simplices[other])
-            assert row in hulls.beyond[other]
+    assert_ridges_are_shared(hulls)
+
+
+def points_of_discs(seed):
+    """Points of three discs, many next to others, as in hulls of grasps that barely hold."""
+    rng = np.random.default_rng(seed)
+    middle, u, v = rng.normal(size=(3, 3, 1, 6))
+    quarters = np.append(np.arange(4), rng.integers(0, 4, size=12))
+    turns = np.pi / 2 * quarters[:, None]
+    turns[4:] += 10.0 ** rng.uniform(-9, -1, size=(12, 1))
+    return (middle + np.cos(turns) * u + np.sin(turns) * v).reshape(-1, 6)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_hulls_of_points_next_to_each_other_stay_closed(seed):
+    points = points_of_discs(seed)
+    hulls, _ = built(points[None])
+    assert_ridges_are_shared(hulls)
+    assert is_closed(hulls.simplices)
 
 
 def test_a_hull_is_what_it_is_alone():
@@ -66,6 +91,18 @@ def test_a_hull_is_what_it_is_alone():
         alone, _ = built(own[None])
         np.testing.assert_array_equal(together.simplices[rows], alone.simplices)
         np.testing.assert_array_equal(together.normals[rows], alone.normals)
+
+
+def test_some_of_several_hulls_are_what_they_were():
+    hulls, points = built(sets_of_points())
+    kept = np.array([False, True, True, False, False, True])
+    some, alone = hulls.take(kept), built(points[kept])[0]
+    assert_ridges_are_shared(some)
+    for rows, own, expected in zip(
+        some.rows(), alone.rows(), np.array(hulls.rows(), dtype=object)[kept], strict=True
+    ):
+        np.testing.assert_array_equal(some.normals[rows], hulls.normals[expected])
+        assert {*map(tuple, some.simplices[rows])} == {*map(tuple, alone.simplices[own])}
 
 
 def test_points_that_are_not_added_or_are_inside_change_nothing():
