@@ -141,7 +141,8 @@ def other_geometries(
     for item in ignore:
         if not isinstance(item, Ignored):
             raise UsageError(
-                f"{item!r} cannot be ignored: name bodies, model instances, geometries"
+                f"{item!r} cannot be ignored: give bodies, model instances or geometries of the "
+                "plant, not their names"
             )
     models = {item for item in ignore if isinstance(item, ModelInstanceIndex)}
     bodies = {item.index() for item in ignore if isinstance(item, RigidBody)}

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from pydrake.geometry.optimization import VPolytope
 
-from drake_polygrasp.arrays import Array
+from drake_polygrasp.arrays import Array, Ints
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.region_pieces import check_pieces
 from drake_polygrasp.files.stated_grasp import StatedGrasp, StatedObject
@@ -133,6 +133,10 @@ def region_surface_violations(
 ) -> Iterator[str]:
     """Yields where contacts may touch other surface than the region that a file states.
 
+    The surface is sought around the contacts as stated, as planners do, and then around those that
+    are found. The two differ by rounding errors, but where parts cross at very small angles, the
+    lines in which they cross differ by much more.
+
     Args:
         stated: a grasp, with a region or without.
         polyhedron: the model's surface.
@@ -141,26 +145,40 @@ def region_surface_violations(
     Yields:
         One message for each violated claim.
     """
-    region = stated.region
+    region, grasp = stated.region, stated.grasp
     if region is None:
         return
-    found = []
-    for i, (k, radius) in enumerate(zip(touched.face, region.placement_error, strict=True)):
-        contact = touched.p_BC[i], touched.nhat_TB_B[i]
-        around = placement_region(polyhedron, *contact, int(k), float(radius))
-        if not around.pieces:
-            yield f"contact {i + 1} may not miss by {radius:.6g} m: {around.reason}"
+    violation = ""
+    for contacts in ((grasp.p_BC, grasp.nhat_TB_B), (touched.p_BC, touched.nhat_TB_B)):
+        violation = _surface_violation(region, grasp.mu, polyhedron, touched.face, *contacts)
+        if not violation:
             return
+    yield violation
+
+
+def _surface_violation(
+    region: RegionCertificate,
+    mu: Array,
+    polyhedron: Polyhedron,
+    face: Ints,
+    p_BC: Array,
+    nhat_TB_B: Array,
+) -> str:
+    """Returns which surface around three contacts a region lacks, or why that proves no closure."""
+    found = []
+    for i, (k, radius) in enumerate(zip(face, region.placement_error, strict=True)):
+        around = placement_region(polyhedron, p_BC[i], nhat_TB_B[i], int(k), float(radius))
+        if not around.pieces:
+            return f"contact {i + 1} may not miss by {radius:.6g} m: {around.reason}"
         found.append(around.pieces)
         for piece in around.pieces:
             if not any(_holds(held, piece, polyhedron.diameter) for held in region.pieces[i]):
-                yield f"the region of contact {i + 1} lacks a part of the surface that it may touch"
-                return
+                return (
+                    f"the region of contact {i + 1} lacks a part of the surface that it may touch"
+                )
     # On the boundary of closure the tolerances above would let pass what does not hold.
-    mu = np.minimum(stated.grasp.mu, polyhedron.mu[touched.face])
-    check = _check_claim(region, tuple(found), mu)
-    if not check.ok:
-        yield f"with the surface's own pieces, {check.reason}"
+    check = _check_claim(region, tuple(found), np.minimum(mu, polyhedron.mu[face]))
+    return "" if check.ok else f"with the surface's own pieces, {check.reason}"
 
 
 def _holds(held: SurfacePiece, piece: SurfacePiece, diameter: float) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from drake_polygrasp import plan_grasps, save_grasps
+from drake_polygrasp import load_object, plan_grasps, save_grasps
 from drake_polygrasp.region_bounds.region_epsilon import region_epsilon
 from drake_polygrasp.region_bounds.region_task import task_of
 from drake_polygrasp.verification.report import GraspVerification, Status
@@ -93,6 +93,26 @@ def test_files_of_plans_with_hardly_any_placement_error_verify(
     save_grasps(path, object_, plan.grasps, plan.settings)
     report = verify_file(path)
     assert report.holds, [(grasp.forces.reason, grasp.surface.reason) for grasp in report.grasps]
+
+
+def test_files_of_parts_that_cross_at_tiny_angles_verify(tmp_path: Path) -> None:
+    # Where two faces cross at 1e-5 rad, rounding moves the line in which they do 1e5 times as far.
+    shape = "<geometry><box><size>0.1 0.05 0.05</size></box></geometry>"
+    friction = "<surface><friction><ode><mu>0.4</mu><mu2>0.4</mu2></ode></friction></surface>"
+    poses = ["0 0 0 0 0 0", "1e-6 0 0 0 0 0", "0 0 0 0 0 1e-5"]
+    parts = "".join(
+        f'<collision name="c{k}"><pose>{pose}</pose>{shape}{friction}</collision>'
+        for k, pose in enumerate(poses)
+    )
+    file = tmp_path / "boxes.sdf"
+    file.write_text(
+        f'<sdf version="1.9"><model name="m"><link name="b">{parts}</link></model></sdf>'
+    )
+    boxes = load_object(file)
+    plan = plan_grasps(boxes)
+    assert sum(len(pieces) > 1 for g in plan.grasps if g.region for pieces in g.region.pieces) > 2
+    save_grasps(tmp_path / "boxes.grasp.yaml", boxes, plan.grasps, plan.settings)
+    assert verify_file(tmp_path / "boxes.grasp.yaml").holds
 
 
 def test_a_region_beyond_its_face_is_refused(tmp_path: Path) -> None:
