@@ -6,7 +6,7 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -279,23 +279,43 @@ def _friction(
     """Returns the coefficient of each collider, and warnings, among them of assumed ones."""
     friction: list[float] = []
     stated: list[tuple[str, tuple[float, float]]] = []
-    assumed: dict[str, dict[str, None]] = {}
+    assumed: list[tuple[str, str, Sequence[str]]] = []
     for link, _, colliders, statements in links:
         places = " or ".join(statements.unread)
         reason = f", because Drake reads no friction from {places}" if places else ""
+        silent = []
         for geometry, _, _ in colliders:
-            pair = stated_friction(inspector, geometry)
+            name, pair = inspector.GetName(geometry), stated_friction(inspector, geometry)
             # (1, 1) is Drake's default; only the file can tell whether it is stated.
             if pair is None or (pair == (1, 1) and not statements.friction[geometry]):
                 friction.append(DEFAULT_MU)
-                assumed.setdefault(reason, {})[link] = None
+                silent.append(name)
             else:
-                name = inspector.GetName(geometry)
                 stated.append((name, pair))
                 friction.append(lesser_friction(*pair, name, where))
-    warnings = [*friction_warnings(stated, where)]
-    for reason, names in assumed.items():
-        who = ": link" if len(names) == 1 else ": each of the links"
-        who = "" if len(links) == 1 else f"{who} {quote_names(list(names))}"
-        warnings.append(f"{where}{who} states no friction; {DEFAULT_MU} is assumed{reason}")
+        if silent:
+            assumed.append((link, reason, silent if len(silent) < len(colliders) else ()))
+    warnings = [*friction_warnings(stated, where), *_assumed_friction(assumed, len(links), where)]
     return friction, warnings
+
+
+def _assumed_friction(
+    silent: Sequence[tuple[str, str, Sequence[str]]], num_links: int, where: str
+) -> Iterator[str]:
+    """Yields warnings of friction that is assumed.
+
+    Args:
+        silent: links that state none, the reason, and their shapes that state none, if others do.
+        num_links: number of the body's links.
+        where: what messages call the body.
+    """
+    for reason in dict.fromkeys(reason for _, reason, _ in silent):
+        end = f" states no friction; {DEFAULT_MU} is assumed{reason}"
+        names = [link for link, why, shapes in silent if why == reason and not shapes]
+        if names:
+            who = ": link" if len(names) == 1 else ": each of the links"
+            yield where + ("" if num_links == 1 else f"{who} {quote_names(names)}") + end
+        shapes = [name for _, why, some in silent if why == reason for name in some]
+        if shapes:
+            who = "collision geometry" if len(shapes) == 1 else "each of the collision geometries"
+            yield f"{where}: {who} {quote_names(shapes)}{end}"

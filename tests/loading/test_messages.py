@@ -73,6 +73,19 @@ def test_links_that_state_no_friction_are_named_in_one_line(tmp_path: Path) -> N
     assert said.endswith("one.urdf: body 'l0' states no friction; 0.3 is assumed")
 
 
+def test_shapes_that_state_no_friction_are_named_where_others_of_their_link_do(
+    tmp_path: Path,
+) -> None:
+    geoms = "".join(GEOM.replace(' friction="1 .01 .01"', "").format(0.1 * k) for k in range(2))
+    model = MJCF.replace("<freejoint/>", f"<freejoint/>{geoms}")
+    write_all(tmp_path, {"m.xml": model})
+    object_ = load_object(tmp_path / "m.xml")
+    assert {face.mu for face in object_.polyhedron.faces} == {0.3, 1.0}
+    (said,) = [w for w in object_.warnings if "states no friction" in w]
+    who = "each of the collision geometries 'm::geom0', 'm::geom1'"
+    assert said == f"{tmp_path}/m.xml: body 'b': {who} states no friction; 0.3 is assumed"
+
+
 def test_one_line_says_which_of_two_coefficients_many_shapes_are_planned_with(
     tmp_path: Path,
 ) -> None:
