@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Ints, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, frozen
 from drake_polygrasp.wrenches.hulls import (
     MOST_POINTS,
     Hulls,
@@ -81,56 +81,135 @@ def radius_intervals(
     size = np.sqrt((points * points).sum(axis=2).max(axis=1))
     none = frozen(np.zeros((0, 6))), frozen(np.zeros(0))
     found = [Interval(0.0, max(each, 0.0), *none) for each in upper.tolist()]
-    _, spans = spanning_points(points)
+    upper, (_, spans) = upper.copy(), spanning_points(points)
     grasp = np.flatnonzero(spans & (upper >= at_least))
     if not len(grasp):
         return found
-    upper, (hulls, order) = upper.copy(), hulls_of(points[grasp])
-    points = np.take_along_axis(points[grasp], order[..., None], 1)
+    hulls, order = hulls_of(points[grasp])
+    polytopes = _Polytopes(grasp, hulls, np.take_along_axis(points[grasp], order[..., None], 1))
     while True:
-        w, offset = hulls.twists()
-        length = _length(w, part)
-        near = _nearest(hulls.owner, offset / length, len(points))
-        owner = hulls.owner[near]
-        h, attained = support(cones[grasp[owner]], w[near, None])
-        highest = h[:, 0].max(axis=1)
-        np.minimum.at(upper, grasp[owner], highest / length[near])
-        lower, above = np.zeros(len(points)), upper[grasp]
-        lower[owner] = np.maximum(offset[near] / length[near], 0.0)
-        rises = np.zeros(len(points), dtype=bool)
-        rises[owner[highest - offset[near] > _LEAST_RISE * size[grasp[owner]]]] = True
+        grasp, facets = polytopes.grasp, polytopes.nearest(cones, part)
+        np.minimum.at(upper, grasp[facets.owner], facets.highest / facets.length)
+        above, lower, rise = upper[grasp], np.zeros(len(grasp)), np.zeros(len(grasp))
+        lower[facets.owner] = np.maximum(facets.offset / facets.length, 0.0)
+        np.maximum.at(rise, facets.owner, facets.highest - facets.offset)
         is_open = (above - lower > relative_gap * above) & (above >= at_least)
-        is_open &= rises & (points.shape[1] < _ENOUGH_POINTS)
-        done = ~is_open
-        rounding = _ROUNDING * size[grasp[done]]
-        ended = _bounded(hulls.take(done), points[done], above[done], part, rounding)
-        for k, interval in zip(grasp[done].tolist(), ended, strict=True):
-            found[k] = interval
-        if not is_open.any():
-            return found
-        tied = h[:, 0] >= (highest - _TIE * np.abs(highest))[:, None]
-        facet, contact = np.nonzero(is_open[owner, None] & tied)
-        new, owner = _unlike(attained[facet, 0, contact], owner[facet], size[grasp])
-        number = np.cumsum(is_open) - 1
-        grasp, hulls, points = grasp[is_open], hulls.take(is_open), points[is_open]
-        hulls, points = _grown(hulls, points, new, number[owner])
+        is_open &= (rise > _LEAST_RISE * size[grasp]) & (polytopes.num_points < _ENOUGH_POINTS)
+        new, owner = facets.farthest(size[grasp])
+        if not is_open.all():
+            done = polytopes.take(~is_open)
+            intervals = done.intervals(part, upper[done.grasp], _ROUNDING * size[done.grasp])
+            for k, interval in zip(done.grasp.tolist(), intervals, strict=True):
+                found[k] = interval
+            if not is_open.any():
+                return found
+            polytopes, new = polytopes.take(is_open), new[is_open[owner]]
+            owner = (np.cumsum(is_open) - 1)[owner[is_open[owner]]]
+        polytopes = polytopes.grown(new, owner)
 
 
-def _bounded(
-    hulls: Hulls, points: Array, upper: Array, part: slice, rounding: Array
-) -> list[Interval]:
-    """Returns the bounds that hulls of points, (T, G, 6), prove, with upper bounds, (T,)."""
-    w, _ = hulls.twists()
-    corners = points[hulls.owner[:, None], hulls.simplices]
-    # Whatever the error of w, no point of a facet is nearer to the origin than this.
-    offset = (corners * w[:, None]).sum(axis=2).min(axis=1) - rounding[hulls.owner]
-    radius = offset / _length(w, part)
-    intervals = []
-    for rows, highest in zip(hulls.rows(), upper.tolist(), strict=True):
-        lower = max(0.0, float(radius[rows].min()))
-        polytope = frozen(w[rows]), frozen(offset[rows])
-        intervals.append(Interval(lower, max(lower, highest), *polytope))
-    return intervals
+@dataclass(frozen=True, eq=False)
+class _Facets:
+    """Facets of polytopes that are nearest to the origin.
+
+    Attributes:
+        owner: the polytope that each is of, shape (N,).
+        offset: their distances, shape (N,).
+        length: length of the part of their normals in which radii are measured, shape (N,).
+        h: support of each contact's disc along their normals, shape (N, 3).
+        attained: points of the discs that attain it, shape (N, 3, 6).
+    """
+
+    owner: Ints
+    offset: Array
+    length: Array
+    h: Array
+    attained: Array
+
+    @property
+    def highest(self) -> Array:
+        """The support of W along the normals, shape (N,)."""
+        return np.asarray(self.h.max(axis=1))
+
+    def farthest(self, size: Array) -> tuple[Array, Ints]:
+        """Returns the points of W farthest along the normals, without copies.
+
+        Args:
+            size: length of the greatest point of each wrench set, shape (T,).
+
+        Returns:
+            The points, shape (K, 6), and their polytopes, ascending, shape (K,).
+        """
+        highest = self.highest
+        facet, contact = np.nonzero(self.h >= (highest - _TIE * np.abs(highest))[:, None])
+        new, owner = self.attained[facet, contact], self.owner[facet]
+        keys = np.column_stack([owner, np.round(new / size[owner, None], _DIGITS)])
+        _, first = np.unique(keys, axis=0, return_index=True)
+        return new[first], owner[first]
+
+
+@dataclass(frozen=True, eq=False)
+class _Polytopes:
+    """Polytopes inside wrench sets.
+
+    Attributes:
+        grasp: the grasp whose wrench set each is in, shape (T,).
+        hulls: their facets.
+        points: their corners and other points, shape (T, G, 6).
+    """
+
+    grasp: Ints
+    hulls: Hulls
+    points: Array
+
+    @property
+    def num_points(self) -> int:
+        """How many points each has."""
+        return len(self.points[0])
+
+    def take(self, kept: Bools) -> _Polytopes:
+        """Returns some of the polytopes: those of a mask, shape (T,)."""
+        return _Polytopes(self.grasp[kept], self.hulls.take(kept), self.points[kept])
+
+    def nearest(self, cones: Array, part: slice) -> _Facets:
+        """Returns the facets of the least radius of each, and what W reaches along their normals.
+
+        All ties count, because a choice among equals would depend on the frame.
+        """
+        (w, offset), owner = self.hulls.twists(), self.hulls.owner
+        length = _length(w, part)
+        radius, least = offset / length, np.full(len(self.grasp), np.inf)
+        np.minimum.at(least, owner, radius)
+        near = np.flatnonzero(radius <= (least + _TIE * np.abs(least))[owner])
+        h, attained = support(cones[self.grasp[owner[near]]], w[near, None])
+        return _Facets(owner[near], offset[near], length[near], h[:, 0], attained[:, 0])
+
+    def intervals(self, part: slice, upper: Array, rounding: Array) -> list[Interval]:
+        """Returns the bounds that each proves, with given upper bounds, shape (T,)."""
+        w, _ = self.hulls.twists()
+        corners = self.points[self.hulls.owner[:, None], self.hulls.simplices]
+        # Whatever the error of w, no point of a facet is nearer to the origin than this.
+        offset = (corners * w[:, None]).sum(axis=2).min(axis=1) - rounding[self.hulls.owner]
+        radius, intervals = offset / _length(w, part), []
+        for rows, highest in zip(self.hulls.rows(), upper.tolist(), strict=True):
+            lower = max(0.0, float(radius[rows].min()))
+            polytope = frozen(w[rows]), frozen(offset[rows])
+            intervals.append(Interval(lower, max(lower, highest), *polytope))
+        return intervals
+
+    def grown(self, new: Array, owner: Ints) -> _Polytopes:
+        """Adds points, (K, 6), to those whose indices are ascending, (K,), one at a time."""
+        hulls, points = self.hulls, self.points
+        count = np.bincount(owner, minlength=len(points))
+        rank = np.arange(len(new)) - (np.cumsum(count) - count)[owner]
+        for k in range(min(int(count.max()), MOST_POINTS - self.num_points)):
+            these, added = owner[rank == k], points[:, 0].copy()
+            added[these] = new[rank == k]
+            is_added = np.zeros(len(points), dtype=bool)
+            is_added[these] = True
+            hulls = with_points(hulls, added, is_added, points.shape[1])
+            points = np.concatenate([points, added[:, None]], axis=1)
+        return _Polytopes(self.grasp, hulls, points)
 
 
 def _length(w: Array, part: slice) -> Array:
@@ -139,34 +218,3 @@ def _length(w: Array, part: slice) -> Array:
     A facet whose normal has no such part bounds nothing: the floor keeps its radius large.
     """
     return np.asarray(np.maximum(np.sqrt((w[:, part] ** 2).sum(axis=1)), _LEAST_PART))
-
-
-def _nearest(owner: Ints, radius: Array, num: int) -> Ints:
-    """Returns the facets of the least radius of each hull.
-
-    All ties count, because a choice among equals would depend on the frame.
-    """
-    least = np.full(num, np.inf)
-    np.minimum.at(least, owner, radius)
-    return np.flatnonzero(radius <= (least + _TIE * np.abs(least))[owner])
-
-
-def _unlike(points: Array, owner: Ints, size: Array) -> tuple[Array, Ints]:
-    """Returns points without copies, and their hulls, ascending."""
-    keys = np.column_stack([owner, np.round(points / size[owner, None], _DIGITS)])
-    _, first = np.unique(keys, axis=0, return_index=True)
-    return points[first], owner[first]
-
-
-def _grown(hulls: Hulls, points: Array, new: Array, owner: Ints) -> tuple[Hulls, Array]:
-    """Adds points, (N, 6), to hulls whose indices are ascending, (N,), one of each at a time."""
-    num, count = len(points), np.bincount(owner, minlength=len(points))
-    rank = np.arange(len(new)) - (np.cumsum(count) - count)[owner]
-    for k in range(min(int(count.max()), MOST_POINTS - points.shape[1])):
-        these, added = owner[rank == k], points[:, 0].copy()
-        added[these] = new[rank == k]
-        is_added = np.zeros(num, dtype=bool)
-        is_added[these] = True
-        hulls = with_points(hulls, added, is_added, points.shape[1])
-        points = np.concatenate([points, added[:, None]], axis=1)
-    return hulls, points
