@@ -151,7 +151,7 @@ def calls(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Call]:
         "contact_poses": {"grasp": off},
         "epsilon_gap": {"object_": cube, "plan": plan, "nodes": 10, "progress": None},
         "example_models": {},
-        "explain_sets": planned,
+        "explain_sets": {**planned, "progress": None},
         "export_directives": {
             "file": file,
             "output": folder / "out.dmd.yaml",

@@ -25,6 +25,11 @@ from drake_polygrasp.certification.robustness import (
 )
 from drake_polygrasp.digits import EXACT, at_least, at_most
 from drake_polygrasp.grasp import Certificate, CertifiedGrasp, Grasp, Verdict
+from drake_polygrasp.wrenches.contacts import inner_forces
+
+_CLEAR_MARGIN = 1e-4
+"""Our choice: where some internal force has this margin, the rounded one of greatest margin, which
+is known to 1e-6, passes the exact check too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,17 +85,49 @@ def prove_many(p_BC: Array, nhat_TB_B: Array, mu: Array) -> list[Proof]:
     return [_judge(*grasp) for grasp in zip(p_BC, nhat_TB_B, mu, x, strict=True)]
 
 
+def prove_any(p_BC: Array, nhat_TB_B: Array, mu: Array) -> list[Proof]:
+    """Proves M grasps as `prove_many` does, but not with the internal forces of greatest margin.
+
+    It takes a third of the time, where verdicts are all that is asked for.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+
+    Returns:
+        One proof for each grasp, with the verdict of `prove_many`.
+    """
+    with np.errstate(all="ignore"):  # numbers that are not finite fail the exact check
+        x = inner_forces(p_BC, nhat_TB_B, mu)
+    proofs = [_checked(*grasp) for grasp in zip(p_BC, nhat_TB_B, mu, x, strict=True)]
+    rest = [k for k, proof in enumerate(proofs) if proof.margin < _CLEAR_MARGIN]
+    if rest:
+        for k, proof in zip(rest, prove_many(p_BC[rest], nhat_TB_B[rest], mu[rest]), strict=True):
+            proofs[k] = proof
+    return proofs
+
+
+def _checked(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> Proof:
+    """Returns what an internal force proves: that the grasp holds, or nothing."""
+    check, margin = exact.check_and_margin(
+        p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist(), x.tolist()
+    )
+    if not check.ok:
+        return Proof(Verdict.UNDECIDED, check.reason)
+    return Proof(Verdict.HOLDS, internal_force=frozen(x), margin=at_most(margin, EXACT))
+
+
 def _judge(p_BC: Array, nhat_TB_B: Array, mu: Array, x: Array) -> Proof:
-    contacts = p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist()
-    check, margin = exact.check_and_margin(*contacts, x.tolist())
-    if check.ok:
-        return Proof(Verdict.HOLDS, internal_force=frozen(x), margin=at_most(margin, EXACT))
-    presumed = exact.check_contacts(*contacts)
+    proof = _checked(p_BC, nhat_TB_B, mu, x)
+    if proof.verdict is Verdict.HOLDS:
+        return proof
+    presumed = exact.check_contacts(p_BC.tolist(), nhat_TB_B.tolist(), mu.tolist())
     if not presumed.ok:
         return Proof(Verdict.FAILS, presumed.reason)
     escape = find_escape(p_BC, nhat_TB_B, mu)
     if escape is None:
-        best = check.reason if np.isfinite(x).all() else "no internal force is found"
+        best = proof.reason if np.isfinite(x).all() else "no internal force is found"
         return Proof(Verdict.UNDECIDED, f"too close to call: no escape is found, and {best}")
     if escape.hinge is None:
         return Proof(Verdict.FAILS, "the object can leave along a twist", escape=escape)

@@ -62,7 +62,7 @@ def run_explain(arguments: argparse.Namespace) -> tuple[int, str]:
     explanation, _ = call_in_child(
         "drake_polygrasp.pipeline.explain:explain_sets",
         object_,
-        limits=child_limits(arguments, f"explaining {arguments.model}"),
+        limits=child_limits(arguments, f"explaining {arguments.model}", "sets"),
         **planning_options(arguments),
     )
     document = explain_document(arguments.model, object_, explanation, arguments.set)

@@ -132,6 +132,34 @@ def all_sets(num_regions: int) -> Ints:
     return np.concatenate([*triples(num_regions), couples])
 
 
+def rows_in_all_sets(num_regions: int, sets: Ints) -> Ints:
+    """Returns the row of each set in `all_sets`.
+
+    Args:
+        num_regions: number of regions.
+        sets: sets of these regions, shape (M, 3).
+
+    Returns:
+        Shape (M,).
+    """
+    i, j, k = sets.T
+    from_i, from_j = num_regions - i, num_regions - j
+    # All pairs or triples without those that begin with i or later, and then those before j and k.
+    pair = _num_pairs(num_regions) - _num_pairs(from_i) + j - i - 1
+    triple = _num_triples(num_regions) - _num_triples(from_i) + k - j - 1
+    triple += _num_pairs(from_i - 1) - _num_pairs(from_j)
+    rows: Ints = np.where(k < 0, _num_triples(num_regions) + pair, triple)
+    return rows
+
+
+def _num_pairs(count: Ints | int) -> Ints | int:
+    return count * (count - 1) // 2
+
+
+def _num_triples(count: Ints | int) -> Ints | int:
+    return count * (count - 1) * (count - 2) // 6
+
+
 def count_sets(num_regions: int) -> int:
     """Returns the number of triples and pairs of regions.
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from drake_polygrasp.arguments import Progress, check_progress
 from drake_polygrasp.arrays import Ints, frozen
+from drake_polygrasp.geometry.face_sets import rows_in_all_sets
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.grasp import GraspObject
-from drake_polygrasp.paper.reasons import CODE, REASONS
-from drake_polygrasp.pipeline.fallback import make_requests, sets_and_codes
-from drake_polygrasp.pipeline.judging import judge_all
+from drake_polygrasp.paper.reasons import CODE, REASONS, Codes
+from drake_polygrasp.pipeline.fallback import make_requests, sets_held, sets_inside
+from drake_polygrasp.pipeline.judging import judge_each_set
+from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.settings import Method, PlanOptions
 
 _SETTLED = tuple(CODE[reason] for reason in ("certified", "excluded", "orientation"))
@@ -65,6 +68,7 @@ def explain_sets(
     tilt_error: float | None = None,
     friction_error: float | None = None,
     com_error: float | None = None,
+    progress: Progress | None = None,
 ) -> Explanation:
     """Evaluates every set of faces and says how it ended, by the steps of the paper.
 
@@ -94,6 +98,7 @@ def explain_sets(
             have the model's.
         com_error: distance by which the centre of mass may be off, in any direction [m]. No set is
             rejected for it: it lowers only bounds of grasps.
+        progress: called with the number of sets that are evaluated and the number of all.
 
     Returns:
         The sets of faces with their reasons.
@@ -101,6 +106,7 @@ def explain_sets(
     Raises:
         UsageError: when an argument has the wrong type or value.
     """
+    tell = check_progress("progress", progress)
     options = PlanOptions(
         method=method,
         edge_clearance=edge_clearance,
@@ -113,14 +119,8 @@ def explain_sets(
         friction_error=friction_error,
         com_error=com_error,
     )
-    *others, request = make_requests(object_, options)
-    last = judge_all(request)
-    sets, code = sets_and_codes([request], [last])
-    # The others have less friction and smaller regions, but points of their own: they matter where
-    # a set may hold on which the last finds nothing.
-    if not np.isin(code, _SETTLED).all():
-        judges = [*map(judge_all, others), last]
-        sets, code = sets_and_codes([*others, request], judges)
+    requests = make_requests(object_, options)
+    request, (sets, code) = requests[-1], _sets_and_codes(requests, tell)
     counts = request.counts(code)
     sets, code = request.with_excluded(sets, code)
     # A pair's third region, -1, becomes face -1.
@@ -137,3 +137,22 @@ def explain_sets(
         request.settings.tilt_error,
         request.settings.friction_error,
     )
+
+
+def _sets_and_codes(requests: Sequence[PlanRequest], tell: Progress) -> tuple[Ints, Codes]:
+    """Returns all sets of the last request and how they ended: positions in REASONS."""
+    *others, request = requests
+    num_regions = len(request.regions.face)
+    last = judge_each_set(request, None, tell)
+    sets, code = last.work.plan.sets, last.set_codes()
+    # The others have less friction and smaller regions, but points of their own: they matter where
+    # a set may hold on which the last finds nothing.
+    row = rows_in_all_sets(num_regions, sets)
+    doubtful = np.zeros(len(sets), dtype=bool)
+    doubtful[row] = ~np.isin(code, _SETTLED)
+    if doubtful.any():
+        judges = [judge_each_set(other, sets_inside(other, request, doubtful)) for other in others]
+        holds = np.zeros(len(sets), dtype=bool)
+        holds[rows_in_all_sets(num_regions, sets_held(judges, request.regions))] = True
+        code[holds[row]] = CODE["certified"]
+    return sets, code

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_polygrasp.arrays import Ints, distinct_values
-from drake_polygrasp.geometry.face_sets import find_rows, sets_of, with_sets
+from drake_polygrasp.arrays import Bools, Ints, distinct_values
+from drake_polygrasp.geometry.face_sets import find_rows, rows_in_all_sets, sets_of, with_sets
 from drake_polygrasp.geometry.regions import Regions, regions_at
 from drake_polygrasp.grasp import GraspObject
 from drake_polygrasp.paper.reasons import CODE, Codes
@@ -104,6 +104,26 @@ def sets_held(judges: Sequence[Judge], regions: Regions) -> Ints:
         sets.append(sets_of(region))
     held: Ints = distinct_values(np.concatenate(sets), axis=0)
     return held
+
+
+def sets_inside(request: PlanRequest, last: PlanRequest, asked: Bools) -> Bools:
+    """Returns which sets of a request lie in some sets of the last request.
+
+    Args:
+        request: a request of `make_requests`.
+        last: the last of them, whose regions contain those of the others.
+        asked: which of `last.every_set`, shape (S,).
+
+    Returns:
+        Which of `request.every_set`, shape (M,).
+    """
+    regions, every = request.regions, request.every_set
+    corner = regions.p_BV[regions.ring_offsets[regions.region_offsets[:-1]]]
+    container = regions_at(last.regions, regions.face, corner)
+    inside = sets_of(container[np.where(every < 0, every[:, 1:2], every)])
+    found = asked[rows_in_all_sets(len(last.regions.face), inside)]
+    # Regions of one region are no set of the last request; nor do they oppose each other.
+    return found & (inside[:, 0] < inside[:, 1])
 
 
 def sets_and_codes(requests: Sequence[PlanRequest], judges: Sequence[Judge]) -> tuple[Ints, Codes]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Bools, Ints
 from drake_polygrasp.certification.certify import Proof, prove_many
+from drake_polygrasp.geometry.face_sets import rank_within_set
 from drake_polygrasp.geometry.surface_contact import face_at
 from drake_polygrasp.grasp import Verdict
 from drake_polygrasp.paper.reasons import CODE, EQUAL_QUALITY, UNJUDGED, Codes
@@ -23,6 +27,12 @@ _OUTCOME = {
 }
 
 
+Prove: TypeAlias = Callable[[Array, Array, Array], list[Proof]]
+"""Proves grasps, of which it takes contact points, normals and friction."""
+_TURNS = 3
+"""Our choice: a set's candidates are judged one by one, but all that are left in the last turn."""
+
+
 class Judge:
     """Judges candidates by the exact certificate, and keeps their outcomes.
 
@@ -32,13 +42,14 @@ class Judge:
         proofs: proofs of the candidates that hold, by their indices.
     """
 
-    def __init__(self, work: ProjectedCandidates) -> None:
+    def __init__(self, work: ProjectedCandidates, prove: Prove = prove_many) -> None:
         """Starts with the outcomes that candidates have from their projection.
 
         Args:
             work: the candidates.
+            prove: proves grasps; `prove_any` where the margins of their proofs do not matter.
         """
-        self.work = work
+        self.work, self._prove = work, prove
         self.outcome: Codes = work.outcome.copy()
         self.proofs: dict[int, Proof] = {}
 
@@ -50,7 +61,7 @@ class Judge:
     @property
     def held_sets(self) -> Ints:
         """Indices of the sets of faces on which a candidate holds, ascending."""
-        return self.work.sets_of(self.proofs)
+        return self.work.sets_of(np.flatnonzero(self.outcome == CODE["certified"]))
 
     def extend(self, more: ProjectedCandidates) -> None:
         """Adds candidates; those that are there keep their outcomes.
@@ -87,7 +98,7 @@ class Judge:
             ("obstructed", clear_of_obstacles),
         ):
             rows = self._passed(rows, passes(request, *work.one_row_a_contact(rows)), reason)
-        proofs = prove_many(*work.contacts_of(rows))
+        proofs = self._prove(*work.contacts_of(rows))
         self.outcome[rows] = [_OUTCOME[proof.verdict] for proof in proofs]
         self.proofs |= {
             int(row): proof
@@ -100,6 +111,24 @@ class Judge:
         whole = np.logical_and.reduce(passes.reshape(-1, 3), axis=1)
         self.outcome[rows[~whole]] = CODE[reason]
         return rows[whole]
+
+    def judge_each_set(self, asked: Bools) -> None:
+        """Judges candidates of each set in their order, until one holds.
+
+        Candidates that follow it may stay open; they say nothing else about their set.
+
+        Args:
+            asked: whether candidates of each set of faces are judged, shape (S,).
+        """
+        set_index, rows = self.work.candidates.set_index, self.open_rows
+        asked = asked.copy()
+        asked[self.held_sets] = False
+        rows = rows[asked[set_index[rows]]]
+        turn = np.minimum(rank_within_set(set_index[rows]), _TURNS - 1)
+        for k in range(_TURNS):
+            now = rows[(turn == k) & asked[set_index[rows]]]
+            self.judge(now)
+            asked[set_index[now]] = self.outcome[now] != CODE["certified"]
 
     def judge_best(self, rows: Ints, score: Array, wanted: int) -> None:
         """Judges candidates in descending order of score until `wanted` sets hold.

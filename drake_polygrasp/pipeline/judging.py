@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from itertools import islice
+import itertools
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array
-from drake_polygrasp.geometry.face_sets import rank_within_set
-from drake_polygrasp.pipeline.candidates import KINDS
+from drake_polygrasp.arguments import Progress, no_progress
+from drake_polygrasp.arrays import Array, Bools
+from drake_polygrasp.certification.certify import prove_any
+from drake_polygrasp.geometry.face_sets import rank_within_set, rows_in_all_sets
+from drake_polygrasp.paper.reasons import unplanned
+from drake_polygrasp.pipeline.candidates import KINDS, project_candidates
 from drake_polygrasp.pipeline.judge import Judge
-from drake_polygrasp.pipeline.longer_search import completed, extended
+from drake_polygrasp.pipeline.longer_search import extended, on_each_set
 from drake_polygrasp.pipeline.proposals import constructed, enriched, quick
 from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.search.effort import ANY_SETS, MORE_SETS
@@ -59,7 +62,9 @@ def prove_candidates(request: PlanRequest, *, another_follows: bool = False) -> 
     judge = Judge(enriched(request))
     wanted = SETS_TRIED * max(top + SPARE, LEAST_RANKED) if request.errors else top + SPARE
     _judge_by_estimate(judge, judge.estimates(), wanted)
-    longer = islice(extended(request, judge), _STEPS_WITH_ANOTHER if another_follows else None)
+    longer = itertools.islice(
+        extended(request, judge), _STEPS_WITH_ANOTHER if another_follows else None
+    )
     while len(judge.held_sets) < (1 if another_follows else top):
         seen = len(judge.work.plan.sets)
         more = next(longer, None) if seen < (MORE_SETS if judge.proofs else ANY_SETS) else None
@@ -87,8 +92,41 @@ def judge_all(request: PlanRequest) -> Judge:
     if request.settings.method == "paper":
         judge = Judge(constructed(request))
     else:
-        judge = Judge(completed(request, enriched(request)))
+        judge = Judge(enriched(request))
+        for work in on_each_set(request, judge.work):
+            judge.extend(work)
     judge.judge(judge.open_rows)
+    return judge
+
+
+def judge_each_set(
+    request: PlanRequest, asked: Bools | None = None, progress: Progress = no_progress
+) -> Judge:
+    """Judges candidates of effort "complete" on each set of faces, until one of them holds.
+
+    Args:
+        request: the request.
+        asked: which of `request.every_set` are judged, shape (S,); None for all.
+        progress: called with the number of sets that are evaluated and the number of all.
+
+    Returns:
+        The judge. On a set where a candidate holds, others may not be judged.
+
+    Raises:
+        UsageError: when there are more than `request.MOST_SETS` sets.
+    """
+    request.require_countable()
+    if asked is None:
+        asked = np.ones(request.num_allowed_sets, dtype=bool)
+    if request.settings.method == "paper":
+        first = project_candidates(request, unplanned(request.every_set[:0]), None)
+    else:
+        first = enriched(request)
+    judge, num_regions = Judge(first, prove_any), len(request.regions.face)
+    for work in itertools.chain([first], on_each_set(request, first, asked)):
+        judge.extend(work)
+        judge.judge_each_set(asked[rows_in_all_sets(num_regions, work.plan.sets)])
+        progress(len(work.plan.sets), len(asked))
     return judge
 
 

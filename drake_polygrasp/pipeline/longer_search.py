@@ -14,8 +14,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from drake_polygrasp.arrays import Ints, join_rows
-from drake_polygrasp.geometry.face_sets import in_order_of_sets, sets_of, with_sets
+from drake_polygrasp.arrays import Bools, Ints, join_rows
+from drake_polygrasp.geometry.face_sets import (
+    CHUNK,
+    in_order_of_sets,
+    rows_in_all_sets,
+    sets_of,
+    with_sets,
+)
 from drake_polygrasp.paper.orientation import sets_oppose
 from drake_polygrasp.paper.reasons import CODE, SetPlan, has_contacts
 from drake_polygrasp.pipeline.candidates import (
@@ -67,21 +73,36 @@ def extended(request: PlanRequest, judge: Judge) -> Iterator[ProjectedCandidates
         yield _with(request, judge.work, request.every_set, NO_TRIPLES)
 
 
-def completed(request: PlanRequest, work: ProjectedCandidates) -> ProjectedCandidates:
-    """Returns the candidates with all that `extended` would add, on all sets however many.
+def on_each_set(
+    request: PlanRequest, work: ProjectedCandidates, asked: Bools | None = None
+) -> Iterator[ProjectedCandidates]:
+    """Yields candidates with all that `extended` would add, and then those of all sets, in parts.
+
+    The method "paper" adds only those of all sets.
 
     Args:
         request: the request.
         work: the candidates so far.
+        asked: which of `request.every_set` the paper's stages evaluate at last, shape (S,); None
+            for all.
 
     Raises:
         UsageError: when there are more than `request.MOST_SETS` sets.
     """
     request.require_countable()
-    if request.steps.search and _may_hold_elsewhere(request, Judge(work)):
+    searches = request.settings.method == "enriched" and request.steps.search
+    if searches and _may_hold_elsewhere(request, Judge(work)):
         work = _with_denser_points(request, work)
+        yield work
         work = _with_all_points(request, work)
-    return _with(request, work, request.every_set, NO_TRIPLES)
+        yield work
+    every = request.every_set
+    is_fresh = np.ones(len(every), dtype=bool) if asked is None else asked.copy()
+    is_fresh[rows_in_all_sets(len(request.regions.face), work.plan.sets)] = False
+    fresh = every[is_fresh]
+    for part in np.array_split(fresh, len(fresh) // CHUNK + 1):
+        work = _followed_by(request, work, part, NO_TRIPLES)
+        yield work
 
 
 def _may_hold_elsewhere(request: PlanRequest, judge: Judge) -> bool:
@@ -135,12 +156,20 @@ def _with(
     request: PlanRequest, work: ProjectedCandidates, sets: Ints, triples: Triples
 ) -> ProjectedCandidates:
     """Adds triples, and the paper's candidates on those sets that are new."""
-    old = work.plan
-    fresh = request.plan(with_sets(old.sets, sets)[len(old.sets) :])
-    shifted = replace(fresh.candidates, set_index=fresh.candidates.set_index + len(old.sets))
+    return _followed_by(
+        request, work, with_sets(work.plan.sets, sets)[len(work.plan.sets) :], triples
+    )
+
+
+def _followed_by(
+    request: PlanRequest, work: ProjectedCandidates, fresh: Ints, triples: Triples
+) -> ProjectedCandidates:
+    """Adds triples, and the paper's candidates on new sets."""
+    old, new = work.plan, request.plan(fresh)
+    shifted = replace(new.candidates, set_index=new.candidates.set_index + len(old.sets))
     plan = SetPlan(
-        np.concatenate([old.sets, fresh.sets]),
-        np.concatenate([old.code, fresh.code]),
+        np.concatenate([old.sets, new.sets]),
+        np.concatenate([old.code, new.code]),
         join_rows(old.candidates, shifted),
     )
     return work.followed_by(

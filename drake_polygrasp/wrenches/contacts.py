@@ -171,3 +171,36 @@ def force_closure(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Bools:
     both = (side.max(axis=0) > ON_A_SIDE) & (side.min(axis=0) < -ON_A_SIDE)
     closed[rows] = (both | ~independent).all(axis=0) & independent.any(axis=0)
     return closed
+
+
+def inner_forces(p_BC: Array, nhat_TB_B: Array, mu: Array) -> Array:
+    """Returns internal forces strictly inside all friction cones, not those of greatest margin.
+
+    Internal forces lie in the plane of the contacts, where each friction cone is a wedge of two
+    half-planes. So the x whose forces are in all cones form a polyhedral cone of six half-spaces,
+    and the sum of its extreme rays is inside it.
+
+    Args:
+        p_BC: contact points [m], shape (M, 3, 3).
+        nhat_TB_B: inward unit normals, shape (M, 3, 3).
+        mu: friction coefficients, shape (M, 3).
+
+    Returns:
+        x_12, x_13, x_23 as `edge_forces` takes them, of any length, shape (M, 3); without meaning
+        where `force_closure` is False.
+    """
+    p, _ = contact_triangle(p_BC)
+    N = plane_normal(p)[:, None]
+    sin_phi = dot(nhat_TB_B, N)[..., None]
+    # The force f is in the cone if |N x n . f| is at most this slope times n . f.
+    slope = np.sqrt(np.maximum(mu[..., None] ** 2 - (1.0 + mu[..., None] ** 2) * sin_phi**2, 0.0))
+    axis = nhat_TB_B - sin_phi * N
+    inward = np.concatenate([slope * axis - cross(N, axis), slope * axis + cross(N, axis)], axis=1)
+    sides = np.stack([edge_forces(p, np.tile(e, (len(p), 1))) for e in np.eye(3)], axis=-1)
+    bounds = unit((inward[..., None] * np.tile(sides, (1, 2, 1, 1))).sum(axis=2))
+    first, second = _PAIRS.T
+    rays = unit(cross(bounds[:, first], bounds[:, second]))
+    inside = dot(rays[:, :, None], bounds[:, None])
+    sign = (inside >= -ON_A_SIDE).all(axis=2).astype(float) - (inside <= ON_A_SIDE).all(axis=2)
+    x: Array = (sign[..., None] * rays).sum(axis=1)
+    return x

@@ -14,6 +14,7 @@ from drake_polygrasp.certification.certify import (
     ProvedGrasp,
     certify_proved,
     prove,
+    prove_any,
     prove_many,
 )
 from drake_polygrasp.certification.convex import friction_at
@@ -83,10 +84,11 @@ def test_a_grasp_that_fails_is_never_certified():
             certify_proved([ProvedGrasp(bad, proof)], mass=1.0, p_BBcm=np.zeros(3), rho=RHO_BOX)
 
 
-def test_proofs_agree_with_the_closed_form_and_each_with_its_evidence():
+@pytest.mark.parametrize("prove_all", [prove_many, prove_any])
+def test_proofs_agree_with_the_closed_form_and_each_with_its_evidence(prove_all):
     contacts = random_contacts(1500, seed=1)
     closed = force_closure(*contacts)
-    for k, proof in enumerate(prove_many(*contacts)):
+    for k, proof in enumerate(prove_all(*contacts)):
         numbers = tuple(values[k].tolist() for values in contacts)
         assert (proof.verdict is Verdict.HOLDS) == closed[k]
         if closed[k]:
@@ -116,6 +118,12 @@ def test_lattice_contacts_are_proved_or_refuted_unless_they_lie_on_the_boundary(
             assert more is not Verdict.UNDECIDED
 
 
+def test_any_proof_gives_the_verdict_of_the_best():
+    contacts = lattice_contacts(1500, seed=1)
+    verdicts = [[proof.verdict for proof in each(*contacts)] for each in (prove_any, prove_many)]
+    assert verdicts[0] == verdicts[1]
+
+
 def test_few_lattice_contacts_are_undecided():
     verdicts = [proof.verdict for proof in prove_many(*lattice_contacts(1500, seed=1))]
     assert verdicts.count(Verdict.UNDECIDED) < 0.01 * len(verdicts)
@@ -135,11 +143,12 @@ def test_friction_on_the_boundary_never_holds():
         assert prove(wedge_grasp(phi, np.tan(phi) * (1 + 1e-6))).verdict is Verdict.HOLDS
 
 
+@pytest.mark.parametrize("prove_all", [prove_many, prove_any])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -0.3, 0.0])
-def test_numbers_that_are_none_do_not_hold_and_do_not_spoil_their_neighbours(value):
+def test_numbers_that_are_none_do_not_hold_and_do_not_spoil_their_neighbours(value, prove_all):
     p, n, mu = (np.array([values] * 3) for values in arrays_of(box_grasp()))
     mu[1, 2] = value
-    verdicts = [proof.verdict for proof in prove_many(p, n, mu)]
+    verdicts = [proof.verdict for proof in prove_all(p, n, mu)]
     assert verdicts == [Verdict.HOLDS, Verdict.FAILS, Verdict.HOLDS]
 
 

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from drake_polygrasp.geometry import face_sets
-from drake_polygrasp.geometry.face_sets import pairs, rank_within_set, triples, with_sets
+from drake_polygrasp.geometry.face_sets import (
+    all_sets,
+    pairs,
+    rank_within_set,
+    rows_in_all_sets,
+    triples,
+    with_sets,
+)
 
 
 @pytest.mark.parametrize("chunk", [1, 7, 50, 10**6])
@@ -21,6 +28,12 @@ def test_every_set_comes_once_and_in_order(chunk: int, monkeypatch: pytest.Monke
         assert [tuple(row) for row in pairs(n).tolist()] == list(combinations(range(n), 2))
     sizes = [len(batch) for batch in triples(11)]
     assert max(sizes) < chunk + comb(10, 2)
+
+
+def test_every_set_is_found_in_its_row() -> None:
+    for n in range(9):
+        sets = all_sets(n)
+        np.testing.assert_array_equal(rows_in_all_sets(n, sets), np.arange(len(sets)))
 
 
 def test_rows_of_one_set_are_counted() -> None:

@@ -13,9 +13,11 @@ from shapely import Polygon
 
 from drake_polygrasp import GraspPlan, certify_region, explain_sets, plan_grasps, save_grasps
 from drake_polygrasp.geometry.regions import erode, regions_at
-from drake_polygrasp.pipeline.fallback import make_requests
+from drake_polygrasp.paper.reasons import REASONS
+from drake_polygrasp.pipeline.fallback import make_requests, sets_and_codes
+from drake_polygrasp.pipeline.judging import judge_all
 from drake_polygrasp.settings import ERROR_NAMES, NO_ERRORS, PlanOptions
-from tests.support.convex_polyhedra import prism
+from tests.support.convex_polyhedra import boxes, prism
 from tests.support.planned import exact_plan
 from tests.support.plant_scenes import model
 from tests.support.solids import regular_polygon, solid
@@ -195,6 +197,19 @@ def test_explain_certifies_what_default_plans_do() -> None:
         }
         assert set(faces_of(default_plan(name))) <= certified
         assert sum(explanation.counts.values()) == len(explanation.reasons)
+
+
+def test_explain_says_what_judging_every_candidate_of_every_request_does() -> None:
+    """Blocks of little friction hold on some sets only at points of a request with more errors."""
+    object_ = solid(boxes(3, 2), mu=0.2)
+    requests = make_requests(object_, PlanOptions())
+    judges = [judge_all(request) for request in requests]
+    sets, codes = sets_and_codes(requests, judges)
+    explanation = explain_sets(object_)
+    expected = np.append(requests[-1].every_face, -1)[sets]
+    np.testing.assert_array_equal(explanation.faces, expected)
+    assert explanation.reasons == [REASONS[code] for code in codes]
+    assert explanation.counts["certified"] > len(judges[-1].held_sets)
 
 
 def test_all_sets_are_evaluated_with_and_without_default_errors() -> None:

@@ -10,6 +10,7 @@ from drake_polygrasp.wrenches.contacts import (
     contact_frames,
     edge_forces,
     force_closure,
+    inner_forces,
     non_collinear,
 )
 from drake_polygrasp.wrenches.epsilon_bound import (
@@ -134,6 +135,16 @@ def test_the_closed_form_is_between_the_lenient_and_the_strict_linear_program(co
         assert is_force_closure(p, n, mu, around=bool(holds)) == holds, k
 
 
+@pytest.mark.parametrize("contacts", [random_contacts(1500), lattice_contacts(700)])
+def test_inner_forces_are_in_the_cones_of_all_grasps_that_hold(contacts):
+    p, n, mu = (values[force_closure(*contacts)] for values in contacts)
+    f = edge_forces(p, inner_forces(p, n, mu))
+    push = (f * n).sum(axis=2)
+    slip = np.linalg.norm(f - push[..., None] * n, axis=2)
+    assert len(p) > 10
+    assert (slip < mu * push).all()
+
+
 def test_the_closed_form_depends_on_neither_frame_nor_scale_nor_order():
     p, n, mu = random_contacts(2000, seed=3)
     R = random_rotations(1, np.random.default_rng(3))[0]
@@ -219,4 +230,5 @@ def test_the_upper_bound_depends_on_neither_frame_nor_order_nor_batch():
 def test_an_empty_batch_is_no_special_case():
     empty = np.zeros((0, 3, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3))
     assert force_closure(*empty).shape == (0,)
+    assert inner_forces(*empty).shape == (0, 3)
     assert epsilon_upper_bound(*empty, np.zeros(3), 1.0).shape == (0,)
