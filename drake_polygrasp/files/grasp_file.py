@@ -37,7 +37,7 @@ from drake_polygrasp.files.stated_grasp import (
     StatedGrasp,
     StatedPlan,
 )
-from drake_polygrasp.files.whole_file import write_whole
+from drake_polygrasp.files.whole_file import followed, write_whole
 from drake_polygrasp.grasp import (
     CertifiedGrasp,
     Grasp,
@@ -80,7 +80,8 @@ def save_grasps(
             several hands, or `path` cannot be written.
     """
     path = Path(check_path("path", path))
-    write_whole(path, grasp_file_text(path.parent, object_, grasps, plan_settings, path))
+    folder = followed(path).parent
+    write_whole(path, grasp_file_text(folder, object_, grasps, plan_settings, path))
 
 
 def grasp_file_text(
@@ -122,9 +123,9 @@ def grasp_file_text(
         "format": FORMAT,
         "version": _VERSION,
         "generator": {"drake_polygrasp": __version__, "drake": drake_version()},
-        "object": object_document(object_, object_.source, folder),
+        "object": _plain(object_document(object_, object_.source, folder)),
         "plan": _plain(plan_settings.stated),
-        **({"hand": hand_document(placements, folder)} if placements else {}),
+        **({"hand": _plain(hand_document(placements, folder))} if placements else {}),
         "grasps": [grasp_document(grasp) for grasp in grasps],
     }
     return _document_text(document)
@@ -138,11 +139,11 @@ def write_document(path: Path, document: Mapping[str, Any]) -> None:
         document: its keys and values, in order; GraspFileError for a number that is not finite, or
             when `path` cannot be written.
     """
-    write_whole(path, _document_text(document))
+    write_whole(path, _document_text(_plain(document)))
 
 
-def _document_text(document: Mapping[str, Any]) -> str:
-    plain = _plain(document)
+def _document_text(plain: dict[str, Any]) -> str:
+    """Returns the text of a document of plain dictionaries, lists, numbers and text."""
     text: str = yaml.dump(
         plain,
         Dumper=_dumper(plain),
@@ -228,7 +229,7 @@ def load_grasps(path: Path | str) -> GraspFile:
         UsageError: when `path` is not a path.
         GraspFileError: when the file cannot be read or breaks the format, naming the place.
     """
-    path = Path(check_path("path", path))
+    path = followed(Path(check_path("path", path)))
     root = read_mapping(path)
     if (format_ := root.text("format")) != FORMAT:
         raise GraspFileError(f"{path}: format is {format_!r}, not {FORMAT!r}; not a grasp file")
@@ -258,14 +259,16 @@ def _plain(value: Any) -> Any:
 
     Raises GraspFileError for a number that is not finite, and for types that the format lacks.
     """
+    if isinstance(value, float):  # first, for most values are
+        if not math.isfinite(value):
+            raise GraspFileError(f"a grasp file holds finite numbers, not {value}")
+        return float(value)
     if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        raise GraspFileError(f"a grasp file holds finite numbers, not {value}")
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
     if value is not None and not isinstance(value, str | bool | int | float):
         raise GraspFileError(f"a grasp file holds numbers, text, lists and mappings, not {value!r}")
     return value

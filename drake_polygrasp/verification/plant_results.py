@@ -11,6 +11,7 @@ from drake_polygrasp.errors import UsageError
 from drake_polygrasp.files.grasp_file import write_document
 from drake_polygrasp.files.plain_yaml import read_mapping
 from drake_polygrasp.files.plant_block import plant_document
+from drake_polygrasp.files.whole_file import followed
 from drake_polygrasp.grasp import PlantRecord
 from drake_polygrasp.loading.packages import is_uri
 
@@ -29,7 +30,7 @@ def save_plant_results(
         GraspFileError: when the file cannot be read, or the copy not written.
         UsageError: when the copy would be the file.
     """
-    file, output = Path(file), Path(output)
+    file, output = followed(Path(file)), followed(Path(output))
     if output.exists() and output.samefile(file):
         raise UsageError(f"{output}: is the file to verify, which is not changed; name another")
     document = read_mapping(file).data

@@ -134,6 +134,34 @@ def test_the_same_grasps_give_the_same_bytes(tmp_path: Path) -> None:
     assert save(tmp_path / "a.yaml") == save(tmp_path / "b.yaml")
 
 
+@pytest.mark.parametrize("is_there", [True, False])
+def test_a_link_stays_and_the_file_that_it_leads_to_is_written(
+    tmp_path: Path, is_there: bool
+) -> None:
+    real, link = tmp_path / "far" / "off" / "real.yaml", tmp_path / "link.yaml"
+    real.parent.mkdir(parents=True)
+    if is_there:
+        real.write_text("an older file")
+    link.symlink_to(real)
+    save_grasps(link, the_object(tmp_path), [the_grasp()], StatedPlan({}))
+    assert link.is_symlink()
+    assert not real.is_symlink()
+    file = load_grasps(link)
+    # A path in the file is relative to the folder that the file itself is in.
+    assert (file.path.parent / file.object_.model_file).resolve() == tmp_path / "models/box.sdf"
+    assert [entry.name for entry in real.parent.iterdir()] == ["real.yaml"]
+
+
+@pytest.mark.parametrize("name", ["/dev/stdout", "/dev/fd/{}", "/proc/self/fd/{}"])
+def test_standard_output_is_refused_even_where_it_goes_to_a_file(name: str, tmp_path: Path) -> None:
+    with (tmp_path / "open.txt").open("w") as opened:
+        path = Path(name.format(opened.fileno()))
+        with pytest.raises(GraspFileError, match="not a regular file"):
+            save_grasps(path, the_object(tmp_path), [the_grasp()], StatedPlan({}))
+    assert (tmp_path / "open.txt").read_text() == ""
+    assert [entry.name for entry in tmp_path.iterdir()] == ["open.txt"]
+
+
 @pytest.mark.parametrize("name", ["box: - #1", "två ord 物体 \U0001f600", "cube\udcff"])
 def test_files_are_the_same_with_libyaml_and_without(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
