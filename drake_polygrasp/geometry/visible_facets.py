@@ -19,6 +19,9 @@ from drake_polygrasp.vectors import dot
 
 _UPRIGHT = 1e-6
 """Our choice: facets at a smaller cosine to the contact's normal are walls, seen as lines."""
+_GRID = 1e-4
+"""Times the tolerance, our choice: polygons are united and subtracted on a grid this fine, because
+without one GEOS loses polygons whose common sides differ by rounding errors."""
 _HALF_WAY = 0.5
 """Our choice: fingertips start half way to the part of the body opposite the contact, if any."""
 
@@ -81,7 +84,8 @@ def visible_facets(triangles_C: Array, window: Array, diameter: float) -> Visibl
     triangle, nhat, shapes, planes = triangle[wide], nhat[wide], shapes[wide], planes[wide]
     whole = np.where(is_whole[wide, None, None], triangles_C[triangle], np.nan)
     has_step = _has_step(shapes, planes, whole, tolerance, FLATNESS * diameter)
-    holes = shapely.get_parts(shapely.difference(frame, shapely.union_all(shapes)))
+    floor = shapely.union_all(shapes, grid_size=_GRID * tolerance)
+    holes = shapely.get_parts(shapely.difference(frame, floor))
     holes = holes[_is_wide(holes, tolerance)]
     hole = float(shapely.distance(holes, shapely.Point(0, 0)).min(initial=np.inf))
     p_CV = []
@@ -146,7 +150,7 @@ def _less_hidden(
     i, j, overlap = _overlaps(shapes, xy, tolerance)
     low, high = _heights(overlap, planes[j] - planes[i])
     hides = high > tolerance
-    shapes, is_whole = shapes.copy(), np.ones(len(shapes), dtype=bool)
+    shapes, is_whole, grid = shapes.copy(), np.ones(len(shapes), dtype=bool), _GRID * tolerance
     is_whole[i[hides]] = False
     for k in np.flatnonzero(~is_whole).tolist():
         pairs = np.flatnonzero(hides & (i == k))
@@ -156,7 +160,8 @@ def _less_hidden(
             else _where_positive(overlap[pair], planes[j[pair]] - planes[k])
             for pair in pairs
         ]
-        shapes[k] = shapely.difference(shapes[k], shapely.union_all(hiders))
+        hidden = shapely.union_all(hiders, grid_size=grid)
+        shapes[k] = shapely.difference(shapes[k], hidden, grid_size=grid)
     return shapes, is_whole
 
 

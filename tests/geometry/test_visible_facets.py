@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from drake_polygrasp.geometry.surface_pieces import regular_directions, tangent_polygon
 from drake_polygrasp.geometry.visible_facets import visible_facets
 
 SQUARE = 0.01 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -64,3 +65,41 @@ def test_a_gap_is_a_hole():
     seen = visible_facets(roof()[:3], SQUARE, 0.1)
     # The missing facet begins at the ridge.
     assert seen.hole == pytest.approx(0.002, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("left", "low", "high", "right", "turn"),
+    [
+        (
+            (-0.01784, -0.009348),
+            (-0.004664, -0.017465),
+            (0.00098, 0.005862),
+            (0.016143, -0.016353),
+            0.224,
+        ),
+        (
+            (-0.028229, -0.014784),
+            (-0.003656, -0.013769),
+            (0.000856, 0.004859),
+            (0.013082, -0.013236),
+            0.064,
+        ),
+        (
+            (-0.021246, -0.011144),
+            (-0.003485, -0.013059),
+            (0.000782, 0.004666),
+            (0.013766, -0.013942),
+            0.195,
+        ),
+    ],
+)
+def test_two_facets_hide_what_is_below_them(left, low, high, right, turn):
+    """Their common side is cut twice, with other rounding errors; without a grid GEOS unites the
+    two polygons to one of them."""
+    facets = np.zeros((3, 3, 3))
+    facets[:, :, :2] = [[(-1, -1), (1, -1), (0, 2)], (left, low, high), (right, high, low)]
+    facets[0, :, 2] = -0.005
+    first = np.array([np.cos(turn), np.sin(turn)])
+    window = tangent_polygon(regular_directions(first), np.array(0.003))
+    seen = visible_facets(facets, window, 0.1)
+    assert seen.triangle.tolist() == [1, 2] and not seen.has_step and seen.hole == np.inf
