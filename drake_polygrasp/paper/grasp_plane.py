@@ -267,10 +267,19 @@ def _lengths_of_lines(
     A line that does not meet both A_2^s and A_3^s, or has a zero direction, has length -inf.
     """
     lines = line_through(through[:, None], direction, scale)
-    crossed = np.column_stack([hull, sets.faces[:, 1:]])[:, None]
-    length = shapely.length(shapely.intersection(crossed, lines[..., None]))
-    meets = (length[..., 1:] > scale.length_slack).all(axis=-1) & direction.any(axis=-1)
-    return np.where(meets, length[..., 0], -np.inf)
+    length = np.full(lines.shape, -np.inf)
+    row, column = np.nonzero(direction.any(axis=-1))
+    for face in sets.faces.T[1:]:
+        meets = _chords(face[row], lines[row, column]) > scale.length_slack
+        row, column = row[meets], column[meets]
+    length[row, column] = _chords(hull[row], lines[row, column])
+    return length
+
+
+def _chords(shapes: Shapes, lines: Shapes) -> Array:
+    """Computes the length of each line in its shape [m]."""
+    chords: Array = shapely.length(shapely.intersection(shapes, lines))
+    return chords
 
 
 def parallel_directions(sets: Opposed, scale: Scale) -> tuple[Ints, Array]:

@@ -254,11 +254,15 @@ def parallel_faces_meet(sets: Opposed, length_slack: float, area_slack: float) -
         Whether each set passes, shape (M,).
     """
     first, second, third = sets.faces.T
-    meets = _overlaps(first, second, area_slack) | _overlaps(first, third, area_slack)
+    meets = _overlaps(first, second, area_slack)
     rest = np.flatnonzero(~meets)
-    between = shapely.difference(
-        shapely.difference(hull_of(sets.faces[rest, 1:]), second[rest]), third[rest]
-    )
+    meets[rest] = _overlaps(first[rest], third[rest], area_slack)
+    rest = np.flatnonzero(~meets)
+    hull = hull_of(sets.faces[rest, 1:])
+    # A_aux1 is part of the hull, and cutting it out takes longest.
+    near = shapely.intersects(first[rest], hull)
+    rest, hull = rest[near], hull[near]
+    between = shapely.difference(shapely.difference(hull, second[rest]), third[rest])
     parts, owner = shapely.get_parts(between, return_index=True)
     is_auxiliary = (shapely.distance(parts, second[rest][owner]) <= length_slack) & (
         shapely.distance(parts, third[rest][owner]) <= length_slack
