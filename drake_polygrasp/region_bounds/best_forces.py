@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drake_polygrasp.arrays import Array, Ints, join_rows
+from drake_polygrasp.region_bounds.ranging_contacts import LeaningCones
 from drake_polygrasp.region_bounds.side_by_side import Work
 from drake_polygrasp.region_bounds.swept_generators import SweptGenerators
 from drake_polygrasp.vectors import cross_first
@@ -24,6 +25,8 @@ them use at first; and the normal itself."""
 _REFINEMENTS = 5
 """Our choice: halvings of the steps; the last is of 0.008 rad, which is 3e-5 of the friction."""
 _STEPS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)], dtype=float)
+_NEAR = 1e-9
+"""Our choice: a limit that is less by more than this, more than ties differ by, is not reached."""
 _TIE = 10
 """Our choice: decimals of heights that are compared, for less is rounding."""
 
@@ -66,27 +69,53 @@ class BestForces(Work[tuple[Ints, Array, Array]]):
         twists = np.concatenate(w).T
         # Components first, then corners: sums and minima then run over whole arrays.
         velocities = twists[:3, None] + cross_first(twists[3:, None], r_V.transpose(2, 1, 0))
-        turns, shares, columns = _TURNS[:, None], _SHARES[:, None], np.arange(twists.shape[1])
-        turn_step, share_step, steps = np.pi / _NUM_TURNS, 0.2, _STEPS[:, :, None]
-        for _ in range(_REFINEMENTS + 1):
-            force = cones.forces(turns, shares)
-            f, u = np.ascontiguousarray(force.transpose(2, 0, 1)), velocities[:, :, None]
-            heights = (f[0] * u[0] + f[1] * u[1] + f[2] * u[2]).min(axis=0)
-            best = np.round(heights, _TIE).argmax(axis=0)
-            turn, share = (
-                np.broadcast_to(x, heights.shape)[best, columns] for x in (turns, shares)
-            )
-            turns = turn + steps[:, 0] * turn_step
-            shares = np.clip(share + steps[:, 1] * share_step, 0.0, 1.0)
-            turn_step, share_step = turn_step / 2, share_step / 2
-        found, reached = force[best, columns], heights[best, columns]
-        ends = np.cumsum([len(k) for k in piece])[:-1]
+        starts = np.cumsum([0, *map(len, piece)])
+        owner = np.concatenate([c.contact[k] for c, k in zip(contacts, piece, strict=True)])
+        # Rows of one contact and twist follow each other.
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        lengths = np.diff(first, append=len(owner))
+        limits = cones.limits(velocities).min(axis=0)
+        limit = np.minimum.reduceat(limits, first).reshape(-1, 3)
+        force, height = np.zeros((len(owner), 3)), np.full(len(owner), -np.inf)
+        tried = np.arange(3) == limit.argmax(axis=1)[:, None]
+        while tried.any():
+            rows = np.flatnonzero(np.repeat(tried.ravel(), lengths))
+            force[rows], height[rows] = _greatest(velocities[:, :, rows], cones.take(rows))
+            reached = np.minimum.reduceat(height, first).reshape(-1, 3)
+            # The other contacts are tried only where they may reach as much.
+            most = reached.max(axis=1)[:, None]
+            tried = (limit > most - _NEAR) & ~np.isfinite(reached)
         return [
             _best_of(work, part, height)
             for work, part, height in zip(
-                works, np.split(found, ends), np.split(reached, ends), strict=True
+                works, np.split(force, starts[1:-1]), np.split(height, starts[1:-1]), strict=True
             )
         ]
+
+
+def _greatest(velocities: Array, cones: LeaningCones) -> tuple[Array, Array]:
+    """Finds the force of each cone whose least pairing with its corners' velocities is greatest.
+
+    Args:
+        velocities: of the corners of P pieces, shape (3, V, P).
+        cones: of the pieces.
+
+    Returns:
+        The forces, shape (P, 3), and their least pairings, shape (P,).
+    """
+    turns, shares = _TURNS[:, None], _SHARES[:, None]
+    columns = np.arange(velocities.shape[2])
+    turn_step, share_step, steps = np.pi / _NUM_TURNS, 0.2, _STEPS[:, :, None]
+    for _ in range(_REFINEMENTS + 1):
+        force = cones.forces(turns, shares)
+        f, u = np.ascontiguousarray(force.transpose(2, 0, 1)), velocities[:, :, None]
+        heights = (f[0] * u[0] + f[1] * u[1] + f[2] * u[2]).min(axis=0)
+        best = np.round(heights, _TIE).argmax(axis=0)
+        turn, share = (np.broadcast_to(x, heights.shape)[best, columns] for x in (turns, shares))
+        turns = turn + steps[:, 0] * turn_step
+        shares = np.clip(share + steps[:, 1] * share_step, 0.0, 1.0)
+        turn_step, share_step = turn_step / 2, share_step / 2
+    return force[best, columns], heights[best, columns]
 
 
 def _best_of(work: BestForces, force: Array, height: Array) -> tuple[Ints, Array, Array]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_polygrasp.arrays import Array, Batch, Ints
 from drake_polygrasp.certification.region_pieces import RegionPiece, padded
-from drake_polygrasp.vectors import circle, dot
+from drake_polygrasp.vectors import circle, dot, dot_first
 from drake_polygrasp.wrenches.contacts import contact_frames
 
 _INSIDE = 1.0 - 1e-7
@@ -51,10 +51,35 @@ class LeaningCones(Batch):
         slope = _INSIDE * self.mu * shares
         across = circle(turns) * slope[..., None]
         f = n + across[..., :1] * t_1 + across[..., 1:] * t_2
-        # The greatest normal part: with the normal along f, or turned towards it as far as may be.
+        return np.asarray(f / self._normal_parts(slope)[..., None])
+
+    def limits(self, velocities: Array) -> Array:
+        """Returns what forces of each cone pair to at most with velocities.
+
+        Args:
+            velocities: shape (3, V, P).
+
+        Returns:
+            Shape (V, P).
+        """
+        along = dot_first(velocities, self.frames[:, 0].T[:, None])
+        squares = dot_first(velocities, velocities)
+        across = np.sqrt(np.maximum(squares - along * along, 0.0))
+        # As the slope rises, the pairing rises to the velocity's length, where the force is along
+        # that, and falls again; where the normal part is limited by the tilt, it only rises or only
+        # falls.
+        bend = np.minimum(self.mu, self.tangent)
+        ends = [(along + slope * across) / self._normal_parts(slope) for slope in (bend, self.mu)]
+        at_bend = np.where(across <= bend * along, np.sqrt(squares), ends[0])
+        return np.asarray(np.maximum(at_bend, ends[1]))
+
+    def _normal_parts(self, slope: Array) -> Array:
+        """Returns the greatest normal part of forces of normal part 1 and a tangential part.
+
+        It is about the normal along the force, or turned towards it as far as may be.
+        """
         turned = (1.0 + self.tangent * slope) / np.sqrt(1.0 + self.tangent * self.tangent)
-        length = np.where(slope <= self.tangent, np.sqrt(1.0 + slope * slope), turned)
-        return np.asarray(f / length[..., None])
+        return np.where(slope <= self.tangent, np.sqrt(1.0 + slope * slope), turned)
 
 
 @dataclass(frozen=True, eq=False)
