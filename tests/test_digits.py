@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 from drake_polygrasp import digits
 from drake_polygrasp.certification import exact
 from drake_polygrasp.certification.convex import friction_at
-from drake_polygrasp.certification.robustness import epsilon_interval, squeeze_interval
+from drake_polygrasp.certification.robustness import epsilon_interval
 from drake_polygrasp.files.grasp_file import grasp_document, load_grasps, save_grasps
 from drake_polygrasp.loading.object_model import load_object
+from tests.support.common import squeeze_interval
 from tests.support.planned import exact_plan
 
 MODELS = Path(__file__).parent.parent / "models"

@@ -90,37 +90,6 @@ def epsilon_intervals(
     return radius_intervals(cones, WRENCH, upper, at_least, relative_gap)
 
 
-def squeeze_interval(
-    p_BC: Array,
-    nhat_TB_B: Array,
-    mu: Array,
-    p_BBcm: Array,
-    rho: float,
-    *,
-    relative_gap: float = RELATIVE_GAP,
-) -> Interval:
-    """Bounds r_w, the force through the centre of mass withstood in every direction.
-
-    It is for unit total normal force, like epsilon, but only the force part of a facet's normal
-    counts.
-
-    Args:
-        p_BC: contact points [m], shape (3, 3).
-        nhat_TB_B: inward unit normals, shape (3, 3).
-        mu: friction coefficients, shape (3,).
-        p_BBcm: centre of mass [m], shape (3,).
-        rho: greatest distance from the centre of mass to the surface [m].
-        relative_gap: refining stops once the difference of the bounds over the upper one is below
-            this.
-
-    Returns:
-        The bounds, and the polytope that proves the lower one.
-    """
-    contacts = p_BC[None], nhat_TB_B[None], mu[None]
-    (r_w,) = squeeze_intervals(*contacts, p_BBcm, rho, relative_gap=relative_gap)
-    return r_w
-
-
 def squeeze_intervals(
     p_BC: Array,
     nhat_TB_B: Array,
@@ -130,7 +99,10 @@ def squeeze_intervals(
     *,
     relative_gap: float = RELATIVE_GAP,
 ) -> list[Interval]:
-    """Bounds r_w of M grasps, each as `squeeze_interval` does.
+    """Bounds r_w of M grasps, the force through the centre of mass withstood in every direction.
+
+    It is for unit total normal force, like epsilon, but only the force part of a facet's normal
+    counts.
 
     Args:
         p_BC: contact points [m], shape (M, 3, 3).

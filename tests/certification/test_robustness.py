@@ -14,7 +14,6 @@ from drake_polygrasp.certification.robustness import (
     friction_tolerance,
     placement_tolerance,
     squeeze_force,
-    squeeze_interval,
     tilt_tolerance,
 )
 from drake_polygrasp.grasp import Grasp
@@ -27,6 +26,7 @@ from tests.support.common import (
     prism_grasp,
     random_contacts,
     random_rotations,
+    squeeze_interval,
     wedge_grasp,
 )
 from tests.support.lp_judge import least_normal_force, polygon_wrenches

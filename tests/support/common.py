@@ -7,6 +7,8 @@ from scipy.spatial import ConvexHull
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.certification.certify import ProvedGrasp, certify_proved, prove
+from drake_polygrasp.certification.radii import Interval
+from drake_polygrasp.certification.robustness import squeeze_intervals
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 
 RHO_BOX = float(np.linalg.norm([0.05, 0.05, 0.1]))
@@ -32,6 +34,15 @@ def certified_grasp(
     proved = ProvedGrasp(found, prove(found), edge_distance)
     (certified,) = certify_proved([proved], mass=mass, p_BBcm=p_BBcm, rho=rho)
     return certified
+
+
+def squeeze_interval(
+    p_BC: Array, nhat_TB_B: Array, mu: Array, p_BBcm: Array, rho: float, **gap: float
+) -> Interval:
+    """Bounds of r_w of one grasp."""
+    contacts = p_BC[None], nhat_TB_B[None], mu[None]
+    (r_w,) = squeeze_intervals(*contacts, p_BBcm, rho, **gap)
+    return r_w
 
 
 def box_grasp(mu: float = 0.3) -> Grasp:

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from drake_polygrasp.arrays import frozen
-from drake_polygrasp.certification.robustness import GRAVITY, epsilon_interval, squeeze_interval
+from drake_polygrasp.certification.robustness import GRAVITY, epsilon_interval
 from drake_polygrasp.errors import GraspFileError, ModelError
 from drake_polygrasp.files.grasp_file import grasp_document, save_grasps
 from drake_polygrasp.grasp import CertifiedGrasp, Grasp, GraspPlane
 from drake_polygrasp.loading.object_model import load_object
 from drake_polygrasp.verification.report import Status
 from drake_polygrasp.verification.verify import verify_file
-from tests.support.common import certified_grasp
+from tests.support.common import certified_grasp, squeeze_interval
 from tests.support.grasp_files import BOX_SDF, EXAMPLE, Document, edit, rebalance, write_box
 from tests.support.planned import exact_plan
 
