@@ -11,9 +11,11 @@ from drake_polygrasp.certification.robustness import (
     GRAVITY,
     RELATIVE_GAP,
     epsilon_interval,
+    epsilon_intervals,
     friction_tolerance,
     placement_tolerance,
     squeeze_force,
+    squeeze_intervals,
     tilt_tolerance,
 )
 from drake_polygrasp.grasp import Grasp
@@ -127,6 +129,19 @@ def test_the_intervals_depend_on_neither_frame_nor_scale_nor_order(contacts):
         there = interval(*moved, scale * R @ P_CM + shift, scale * rho_of(p))
         assert there.lower == pytest.approx(here.lower, rel=1e-9)
         assert there.upper == pytest.approx(here.upper, rel=1e-9)
+
+
+def test_intervals_are_what_they_are_alone():
+    contacts = [np.stack(each) for each in zip(*HELD, strict=True)]
+    rho = max(rho_of(p) for p, _, _ in HELD)
+    for intervals in (epsilon_intervals, squeeze_intervals):
+        together = intervals(*contacts, P_CM, rho, relative_gap=0.005)
+        for k, found in enumerate(together):
+            (alone,) = intervals(
+                *(each[k, None] for each in contacts), P_CM, rho, relative_gap=0.005
+            )
+            assert (found.lower, found.upper) == (alone.lower, alone.upper)
+            np.testing.assert_array_equal(found.normals, alone.normals)
 
 
 def test_what_does_not_hold_has_no_radius():
