@@ -58,8 +58,6 @@ _MOST_CRITICAL = 12
 _DIGITS = 9
 """Our choice: decimals of what is compared."""
 _FIRST_TURNS = np.array([0.3, 1.9, 3.4, 5.0])
-_NEAR = 1e-6
-"""Our choice: values of facets are off by less, for their twists were rounded."""
 _ROUNDING = 1e-12
 """A height is a sum of six products below 2 (1 + mu), each off by a few times 2^-53 of that: this
 much, times 1 + mu, is taken off heights for it, and of their quotients for the norms' roundings."""
@@ -332,10 +330,8 @@ def _critical(several: Sequence[RangingContacts]) -> Array:
 def _proved(generators: SweptGenerators, facets: SweptFacets, norm: LoadNorm) -> FacetProof | None:
     """What facets prove, less rounding errors; None where that is nothing."""
     mu = float(generators.contacts.cones.mu.max())
-    # Values are known but for the rounding of twists: only those near the least may be the least.
-    lowest = facets.take(np.flatnonzero(facets.values <= facets.values.min() + _NEAR))
-    heights = generators.heights(lowest.twists, lowest.simplices).min(axis=1)
-    least = float(((heights - _ROUNDING * (1.0 + mu)) / norm.of(lowest.twists)).min())
+    heights = generators.heights(facets.twists, facets.simplices).min(axis=1)
+    least = float(((heights - _ROUNDING * (1.0 + mu)) / norm.of(facets.twists)).min())
     around = is_closed(facets.simplices) and encloses(generators.middle, facets.simplices)
     if least <= 0.0 or not around:
         return None
