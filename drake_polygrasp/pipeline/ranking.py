@@ -21,12 +21,10 @@ from drake_polygrasp.pipeline.fallback import sets_held
 from drake_polygrasp.pipeline.judge import Judge
 from drake_polygrasp.pipeline.judging import LEAST_RANKED, SETS_TRIED, SPARE
 from drake_polygrasp.pipeline.region_certificates import Errors
-from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, QUICK_GAP
 from drake_polygrasp.settings import Rank
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
 
-_QUICK_GAP = 0.05
-"""Our choice: how far apart the bounds under errors of quick plans may stay, over the upper one."""
 _TRIED_OF_A_SET = 3
 """Our choice: candidates of a set that are asked whether they bear errors, best first."""
 
@@ -112,7 +110,7 @@ def _bearing_errors(
         tried = groups[: SETS_TRIED * compared] if by_epsilon else groups[:compared]
         found += _first_bearing(judge, tried, errors, compared - len(found))
     found = sorted(found, key=lambda each: each.held.level)[:compared]  # stable
-    wanted, gap = top if by_epsilon else len(found), _QUICK_GAP if quick else BOUNDS_GAP
+    wanted, gap = top if by_epsilon else len(found), QUICK_GAP if quick else BOUNDS_GAP
     graded = _certified_bearings(found, errors, wanted, gap)
     if not by_epsilon:
         graded.sort(key=lambda pair: pair[0].ranked)

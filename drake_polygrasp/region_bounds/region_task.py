@@ -11,6 +11,8 @@ from drake_polygrasp.grasp import Grasp, RegionCertificate
 
 BOUNDS_GAP = 0.02
 """Our choice: how far apart the bounds of epsilon may stay, over the upper one."""
+QUICK_GAP = 0.05
+"""Our choice: the same for quick plans."""
 SQUEEZE_GAP = 0.1
 """Our choice: how far the squeeze force may be above the least that is known to be needed. Fingers
 squeeze harder than by a tenth more, and a closer bound takes as long as that of epsilon."""

@@ -21,11 +21,11 @@ from drake_polygrasp.geometry.tolerances import ANGLE_TOLERANCE, LENGTH_TOLERANC
 from drake_polygrasp.geometry.triangles import face_frame
 from drake_polygrasp.grasp import RegionCertificate
 from drake_polygrasp.region_bounds.region_epsilon import NUM_WAYS, RegionEpsilon, region_epsilons
-from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, SQUEEZE_GAP, task_of
+from drake_polygrasp.region_bounds.region_task import BOUNDS_GAP, QUICK_GAP, SQUEEZE_GAP, task_of
 from drake_polygrasp.vectors import cross, dot, times
 
 _SEARCHES = (
-    *((BOUNDS_GAP, SQUEEZE_GAP, 0), (0.01, 0.02, 0)),
+    *((BOUNDS_GAP, SQUEEZE_GAP, 0), (QUICK_GAP, SQUEEZE_GAP, 0), (0.01, 0.02, 0)),
     *((0.004, 0.004, way) for way in range(NUM_WAYS)),
 )
 """Our choice: relative gaps to which epsilon and squeeze force are bounded, and the ways. Where the
@@ -33,7 +33,8 @@ usual search does not bear a number out another may, for versions differ in the 
 _ROUNDING = 1e-6
 """Our choice, relative: what processors change in bounds of six digits."""
 _UPPER_SLACK = 0.1
-"""Our choice, relative: upper bounds are of the worst placement that a search finds."""
+"""Our choice, relative: upper bounds are of the worst placement that a search finds, and a search
+for closer bounds may find one that is less bad."""
 _Pieces = tuple[tuple[SurfacePiece, ...], ...]
 
 
@@ -89,19 +90,19 @@ def region_number_violations(
             replace(usual[k], relative_gap=gap, squeeze_gap=squeeze_gap, way=way) for k, _ in left
         ]
         for (k, region), found in zip(left, region_epsilons(tasks), strict=True):
-            known[k] = _closest(known.get(k, found), found)
+            known[k] = _together(known.get(k, found), found)
             violations[k] = list(_bound_violations(region, known[k]))
         left = [(k, region) for k, region in left if violations[k]]
     return violations
 
 
-def _closest(one: RegionEpsilon, other: RegionEpsilon) -> RegionEpsilon:
-    """Returns the closest bounds of two searches; all of them are proved."""
+def _together(one: RegionEpsilon, other: RegionEpsilon) -> RegionEpsilon:
+    """Returns the most favourable bounds of two searches; all of them are proved."""
     squeezes = [s for s in (one.squeeze_force, other.squeeze_force) if s is not None]
     return replace(
         other,
         epsilon_lower=max(one.epsilon_lower, other.epsilon_lower),
-        epsilon_upper=min(one.epsilon_upper, other.epsilon_upper),
+        epsilon_upper=max(one.epsilon_upper, other.epsilon_upper),
         squeeze_force=min(squeezes, default=None),
     )
 

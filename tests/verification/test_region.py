@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from drake_polygrasp import load_object, plan_grasps, save_grasps
-from drake_polygrasp.region_bounds.region_epsilon import region_epsilon
-from drake_polygrasp.region_bounds.region_task import task_of
+from drake_polygrasp.region_bounds.region_epsilon import RegionEpsilon, region_epsilon
+from drake_polygrasp.region_bounds.region_task import QUICK_GAP, RegionTask, task_of
 from drake_polygrasp.verification.report import GraspVerification, Status
 from drake_polygrasp.verification.verify import verify_file
 from tests.support.grasp_files import Document, edit, write_box
@@ -159,3 +159,35 @@ def test_closer_bounds_than_a_plan_looks_for_hold_and_those_beyond_the_truth_do_
     # Some placement withstands no more than the upper bound, nor more weight for so little squeeze.
     assert numbers(1.001 * close.epsilon_upper, close.squeeze_force) is Status.FAILED
     assert numbers(close.epsilon_lower, 0.8 * close.squeeze_force) is Status.FAILED
+
+
+@pytest.mark.parametrize(("stated", "holds"), [(1.8, True), (2.5, True), (3.0, False)])
+def test_an_upper_bound_holds_that_any_of_the_searches_finds(
+    stated: float, holds: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """How bad a placement a search finds is luck: a search for closer bounds may find a better."""
+    object_ = model("cube")
+    plan = plan_grasps(object_, top=1, effort="quick")
+    (certified,) = plan.grasps
+    assert certified.region is not None and certified.region.epsilon_lower
+    least = certified.region.epsilon_lower
+
+    def searched(tasks: Sequence[RegionTask]) -> list[RegionEpsilon]:
+        uppers = [2.4 if task.relative_gap == QUICK_GAP else 2.0 for task in tasks]
+        return [
+            replace(
+                region_epsilon(task),
+                epsilon_lower=least,
+                epsilon_upper=upper * least,
+                squeeze_force=None,
+            )
+            for task, upper in zip(tasks, uppers, strict=True)
+        ]
+
+    monkeypatch.setattr("drake_polygrasp.verification.region.region_epsilons", searched)
+    region = replace(certified.region, epsilon_upper=stated * least, squeeze_force=None)
+    file = tmp_path / "cube.grasp.yaml"
+    save_grasps(file, object_, [replace(certified, region=region)], plan.settings)
+    numbers = verify_file(file).grasps[0].numbers
+    assert (numbers.status is Status.RECOMPUTED) == holds, numbers.reason
+    assert holds or numbers.reason.endswith(f"more than the {2.4 * least:.6g} found")
