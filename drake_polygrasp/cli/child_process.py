@@ -53,7 +53,8 @@ class ChildLimits:
 
     Attributes:
         name: what the call does, for messages: "planning grasps of cube.sdf".
-        seconds: time limit [s], counted anew from each report of progress.
+        seconds: time limit [s], counted anew from each report of progress, without the time in
+            which the command is stopped by Ctrl-Z.
         unit: plural of what the function's `progress` callback counts ("grasps"); empty if it takes
             none.
         quiet: whether progress is hidden even on a terminal.
@@ -162,18 +163,21 @@ class _Conversation:
         """Returns the result, or None when a new stage begins."""
         limits = self.limits
         with ProgressLine(limits.name, limits.unit, quiet=limits.quiet) as line:
-            last_report = 0.0
+            waited = 0.0
             while True:
-                left = last_report + limits.seconds - line.elapsed
-                if not self._receiver.poll(max(0.0, min(REFRESH_SECONDS, left))):
+                start, seconds = line.elapsed, min(REFRESH_SECONDS, limits.seconds - waited)
+                has_word = self._receiver.poll(seconds)
+                # More time passes only while Ctrl-Z stops this process, and the child with it.
+                waited += min(line.elapsed - start, seconds)
+                if not has_word:
                     line.refresh()
-                    if left <= REFRESH_SECONDS:
+                    if waited >= limits.seconds:
                         raise _model_error(limits, f"stopped after {limits.seconds:g} s")
                     continue
                 match self._receiver.recv():
                     case _ProgressReport() as report:
                         line.update(*report)
-                        last_report = line.elapsed
+                        waited = 0.0
                     case StderrLine(text):
                         line.erase()
                         print_line(text)

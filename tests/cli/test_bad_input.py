@@ -521,6 +521,29 @@ def test_a_child_that_gives_word_of_itself_is_not_stopped(monkeypatch: pytest.Mo
             assert conversation.wait_for_result().value == "counted"
 
 
+class OftenStopped(ToldAt):
+    """The same where Ctrl-Z stops both ends for an hour whenever the parent waits."""
+
+    def poll(self, seconds: float) -> bool:
+        comes = super().poll(seconds)
+        self.now += 3600.0
+        return comes
+
+
+def test_time_in_which_the_command_is_stopped_does_not_count(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for hours, is_stopped in ((3, False), (5, True)):
+        pipe = OftenStopped((3600.0 * hours, _CallResult("planned", 0.0, None)))
+        monkeypatch.setattr("drake_polygrasp.cli.progress_line.perf_counter", lambda: pipe.now)  # noqa: B023
+        conversation = _Conversation(pipe, ChildLimits("planning", seconds=2.0))  # type: ignore[arg-type]
+        if is_stopped:
+            with pytest.raises(ModelError, match="planning: stopped after 2 s"):
+                conversation.wait_for_result()
+        else:
+            assert conversation.wait_for_result().value == "planned"
+
+
 def test_what_cannot_be_pickled_is_still_an_error() -> None:
     with pytest.raises(RuntimeError, match="lambda"):
         call_in_child("tests.cli.test_bad_input:give_a_function", "x")
