@@ -261,6 +261,11 @@ class RegionCertificate:
     epsilon_upper: float | None = None
     squeeze_force: float | None = None
 
+    @property
+    def least_placement_error(self) -> float:
+        """How far all contacts may be off at once [m]."""
+        return float(self.placement_error.min())
+
 
 @dataclass(frozen=True)
 class PlantVerdict:

@@ -81,7 +81,7 @@ def _bears_cells(region: RegionCertificate | None) -> tuple[str, str, str]:
         return "-", "-", "-"
     squeeze = "-" if region.squeeze_force is None else f"{region.squeeze_force:.1f}"
     epsilon = f"{floor(1e4 * (region.epsilon_lower or 0.0)) / 1e4:.4f}"
-    return f"{1e3 * region.placement_error.min():.2f}", epsilon, squeeze
+    return f"{1e3 * region.least_placement_error:.2f}", epsilon, squeeze
 
 
 def error_lines(

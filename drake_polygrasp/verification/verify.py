@@ -177,7 +177,7 @@ def _verify_grasp(
     if stated.hand is not None:
         reason = "the object's model is not there, or not as stated"
         held = hand.check(stated) if hand else CheckResult(Status.NOT_CHECKED, reason)
-    bears = None if stated.region is None else float(stated.region.placement_error.min())
+    bears = None if stated.region is None else stated.region.least_placement_error
     checks = GraspVerification(
         forces, surface, numbers, stated_plant=stated.plant, hand=held, bears=bears
     )

@@ -115,7 +115,7 @@ def _error_rows(region: RegionCertificate) -> list[tuple[Any, ...]]:
     """Returns the panel's rows on the errors that a grasp bears at once, and what is left then."""
     rows: list[tuple[Any, ...]] = [
         ("bears, all at once", "", "head"),
-        ("contacts off by", f"{1e3 * region.placement_error.min():.3g} mm"),
+        ("contacts off by", f"{1e3 * region.least_placement_error:.3g} mm"),
         ("normals off by", f"{np.degrees(region.tilt_error):.3g} degrees"),
         ("friction less by", f"{100 * region.friction_error:.3g} percent"),
         ("centre of mass off by", f"{1e3 * region.com_error:.3g} mm"),

@@ -30,5 +30,5 @@ def placement_words(grasp: ShownGrasp) -> str:
     tolerance, region = grasp.certificate.placement_tolerance, grasp.region
     if tolerance is None or tolerance >= _MILLIMETRE:
         return ""
-    borne = 0.0 if region is None else float(region.placement_error.min())
+    borne = 0.0 if region is None else region.least_placement_error
     return NORMALS_CHANGE if borne >= _MILLIMETRE else FINE
