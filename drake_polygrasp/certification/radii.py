@@ -30,7 +30,7 @@ _DIGITS = 9
 """Our choice: decimals of points that are compared, over the size of W."""
 _ROUNDING = 1e-14
 """Our choice: rounding error of a facet's offset, over the greatest point's length."""
-_LEAST_RISE = 1e-7
+_LEAST_RISE = 1e-9
 """Our choice: least height of new points above a facet, over the size of W: facets between points
 that are closer would have normals of rounding errors."""
 _LEAST_PART = 1e-9
