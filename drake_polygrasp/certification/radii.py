@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drake_polygrasp.arrays import Array, Bools, Ints, frozen
+from drake_polygrasp.arrays import Array, Bools, Ints, batches, frozen
 from drake_polygrasp.wrenches.hulls import (
     MOST_POINTS,
     Hulls,
@@ -22,6 +22,8 @@ from drake_polygrasp.wrenches.hulls import (
 )
 from drake_polygrasp.wrenches.support import support
 
+_AT_ONCE = 64
+"""Our choice: grasps whose polytopes grow side by side; each has a few hundred facets."""
 _ENOUGH_POINTS = 200
 """Our choice: polytopes of more points are refined no more; wider bounds are still bounds."""
 _TIE = 1e-9
@@ -76,6 +78,17 @@ def radius_intervals(
     Returns:
         The bounds of each, and the polytope that proves the lower one.
     """
+    return [
+        interval
+        for rows in batches(len(cones), _AT_ONCE)
+        for interval in _side_by_side(cones[rows], part, upper[rows], at_least, relative_gap)
+    ]
+
+
+def _side_by_side(
+    cones: Array, part: slice, upper: Array, at_least: float, relative_gap: float
+) -> list[Interval]:
+    """Bounds the radii of some grasps, as `radius_intervals` does of any number."""
     rims = [cones[:, :, 0] + sign * cones[:, :, row] for row in (1, 2) for sign in (1.0, -1.0)]
     points = np.concatenate(rims, axis=1)
     size = np.sqrt((points * points).sum(axis=2).max(axis=1))
