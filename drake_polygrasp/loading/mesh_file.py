@@ -6,6 +6,7 @@ coordinate that is not a number silently becomes 0.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,25 @@ _MAX_COORDINATE = 1e9
 squares overflow."""
 _MIN_COUNT = 4
 """Fewest vertices or triangles that enclose a volume."""
+
+
+def check_meshes(mesh_files: Iterable[Path], model_file: Path) -> None:
+    """Checks that Drake can safely read the collision meshes of a model.
+
+    Args:
+        mesh_files: .obj, .vtk and .gltf files.
+        model_file: the model, which messages name too.
+
+    Raises:
+        ModelError: when it cannot.
+    """
+    for mesh_file in mesh_files:
+        try:
+            check_mesh_file(mesh_file)
+        except ModelError as error:
+            if mesh_file == model_file:
+                raise
+            raise ModelError(f"{model_file}: {error}") from error
 
 
 def check_mesh_file(mesh_file: Path) -> None:

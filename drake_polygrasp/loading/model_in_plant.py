@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
 
 from drake_polygrasp.loading.drake_messages import collect_drake_log
-from drake_polygrasp.loading.mesh_file import check_mesh_file
+from drake_polygrasp.loading.mesh_file import check_meshes
 from drake_polygrasp.loading.model_source import ModelFiles, read_model_files
 from drake_polygrasp.loading.packages import find_packages, locate, use_packages, without_network
 from drake_polygrasp.loading.parsed_model import drake_errors_as_model_errors
@@ -69,8 +69,7 @@ def add_model_files(
     Raises:
         ModelError: when a mesh or the model is malformed.
     """
-    for mesh in files.meshes:
-        check_mesh_file(mesh)
+    check_meshes(files.meshes, files.model_file)
     parser = Parser(plant, model_name_prefix=name_prefix)
     use_packages(parser, package_map)
     with (

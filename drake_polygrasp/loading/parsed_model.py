@@ -18,7 +18,7 @@ from pydrake.systems.framework import Context
 from drake_polygrasp.errors import ModelError, PolygraspError, SeveralBodiesError
 from drake_polygrasp.loading.collision_mesh import read_collision_mesh
 from drake_polygrasp.loading.drake_messages import collect_drake_log, drake_reason
-from drake_polygrasp.loading.mesh_file import check_mesh_file
+from drake_polygrasp.loading.mesh_file import check_meshes
 from drake_polygrasp.loading.model_source import ModelFiles, read_model_files
 from drake_polygrasp.loading.packages import (
     find_packages,
@@ -93,8 +93,7 @@ def parse_files(
     """
     package_map = find_packages(model_file, package_paths, packages)
     files = read_model_files(locate(model_file, package_map), package_map)
-    for mesh in files.meshes:
-        check_mesh_file(mesh)
+    check_meshes(files.meshes, files.model_file)
     with collect_drake_log() as log, drake_errors_as_model_errors(files.model_file, log.errors):
         plant, scene_graph = _parse(files.model_file, package_map, scale)
     return ParsedFiles(files, plant, scene_graph, (*log.merged(), *files.warnings))

@@ -266,8 +266,11 @@ REFUSED = {
         sdf(link(box(), inertial=INERTIAL.replace("2", "-1"))),
         "a mass that is not above",
     ),
-    "a missing mesh": (sdf(link(mesh("<uri>gone.obj</uri>"))), r"gone\.obj: there is no such mesh"),
-    "an STL": (sdf(link(mesh("<uri>l.stl</uri>"))), r"l\.stl: .* convert it"),
+    "a missing mesh": (
+        sdf(link(mesh("<uri>gone.obj</uri>"))),
+        r"model\.sdf: .*gone\.obj: there is no such mesh",
+    ),
+    "an STL": (sdf(link(mesh("<uri>l.stl</uri>"))), r"model\.sdf: .*l\.stl: .* convert it"),
     "an unknown package": (
         sdf(link(mesh("<uri>package://p/l.obj</uri>"))),
         "package 'p' is unknown",
