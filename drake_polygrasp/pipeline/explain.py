@@ -19,7 +19,7 @@ from drake_polygrasp.pipeline.judging import judge_each_set
 from drake_polygrasp.pipeline.request import PlanRequest
 from drake_polygrasp.settings import Method, PlanOptions
 
-_SETTLED = tuple(CODE[reason] for reason in ("certified", "excluded", "orientation"))
+_SETTLED = tuple(CODE[reason] for reason in ("certified", "orientation"))
 """Codes of sets about which a request with less friction says nothing else."""
 
 
