@@ -65,7 +65,8 @@ def project_on_faces(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> tuple[A
 
     Returns:
         Points on the outermost triangles [m] and their inward unit normals, shape (M, 3) each, and
-        whether there is a triangle, shape (M,).
+        whether there is a triangle and it is not of another plane's face of less friction, shape
+        (M,).
     """
     L, planes = polyhedron.diameter, face_planes(polyhedron, face)
     Fz = planes.R_BF[:, :, 2]
@@ -74,18 +75,32 @@ def project_on_faces(polyhedron: Polyhedron, p_BC: Array, face: Ints) -> tuple[A
     reach = height + 2 * (FLATNESS + LENGTH_TOLERANCE) * L
     projected, inward, ok = p_BC.copy(), -Fz, np.zeros(len(p_BC), dtype=bool)
     for pairs in polyhedron.surface.near(p_BC, reach):
-        i, rise, nhat = _outermost(polyhedron, planes, p_BC, *pairs)
+        i, t, rise, nhat = _outermost(polyhedron, planes, p_BC, *pairs)
         projected[i] += rise[:, None] * Fz[i]
-        ok[i] = True
+        ok[i] = ~_is_of_less_friction(polyhedron, t, face[i])
         lean = nhat - Fz[i]
         leaning = np.sqrt(dot(lean, lean)) > ANGLE_TOLERANCE
         inward[i[leaning]] = -nhat[leaning]
     return projected, inward, ok
 
 
+def _is_of_less_friction(polyhedron: Polyhedron, triangle: Ints, face: Ints) -> Bools:
+    """Returns which triangles are of a face in another plane that has less friction, shape (N,).
+
+    Faces in one plane share no area, but those in planes that differ by about `FLATNESS` may.
+    """
+    other = polyhedron.triangle_face[triangle]
+    found = np.flatnonzero((other >= 0) & (polyhedron.mu[other] < polyhedron.mu[face]))
+    less = np.zeros(len(face), dtype=bool)
+    here, there = face_planes(polyhedron, face[found]), face_planes(polyhedron, other[found])
+    differs = (here.R_BF[..., 2] != there.R_BF[..., 2]) | (here.p_BF != there.p_BF)
+    less[found] = differs.any(axis=1)
+    return less
+
+
 def _outermost(
     polyhedron: Polyhedron, planes: FacePlanes, p_BC: Array, i: Ints, t: Ints
-) -> tuple[Ints, Array, Array]:
+) -> tuple[Ints, Ints, Array, Array]:
     """Returns the outermost triangle above or below each contact.
 
     Args:
@@ -96,7 +111,7 @@ def _outermost(
         t: triangle of each pair, shape (N,).
 
     Returns:
-        The contacts that have one, its height over them [m], and its outward normal.
+        The contacts that have one, the triangle, its height over them [m], and its outward normal.
     """
     L, Fz = polyhedron.diameter, planes.R_BF[:, :, 2]
     triangles, nhat = polyhedron.triangles_B[t], unit_normals(polyhedron.triangles_B[t])[0]
@@ -112,7 +127,7 @@ def _outermost(
     rise = np.where(np.abs(rise) > LENGTH_TOLERANCE * L, rise, 0)
     order = np.lexsort((t, -rise, i))
     best = order[first_of_runs(i[order])]
-    return i[best], rise[best], nhat[best]
+    return i[best], t[best], rise[best], nhat[best]
 
 
 def triangles_in_planes(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
+from pydrake.math import RollPitchYaw, RotationMatrix
 
 from drake_polygrasp.arrays import Array
 from drake_polygrasp.geometry.polyhedron import Polyhedron
@@ -18,6 +20,7 @@ from drake_polygrasp.geometry.surface_contact import (
     fingertips_are_apart,
     project_contacts,
 )
+from drake_polygrasp.loading.object_model import load_object
 from tests.support.convex_polyhedra import boxes, holed_prism, prism
 from tests.support.solids import random_contacts
 from tests.support.surface_judge import distance, on_surface
@@ -176,3 +179,35 @@ def test_tips_overlap_where_their_centres_are_nearer_than_two_radii() -> None:
     assert fingertips_are_apart(plate, np.array([[top, top + 1e-3 * X, bottom]]), nhat[None], 0.0)[
         0
     ]
+
+
+def test_no_contact_of_a_face_touches_a_nearly_coincident_cap_of_less_friction(
+    tmp_path: Path,
+) -> None:
+    """Where the two ends differ by less than `FLATNESS`, which is outermost changes in the face."""
+    height, friction = 0.01, {0: 1.2, 1: 0.2}
+    pose = {0: "0 0 0 0 0 0", 1: "0 0 0 4.674e-05 2.408e-05 8.173e-05"}
+    cylinder = f"<cylinder><radius>0.004</radius><length>{height}</length></cylinder>"
+    parts = "".join(
+        f'<collision name="c{k}"><pose>{pose[k]}</pose><geometry>{cylinder}</geometry><surface>'
+        f"<friction><ode><mu>{mu}</mu><mu2>{mu}</mu2></ode></friction></surface></collision>"
+        for k, mu in friction.items()
+    )
+    file = tmp_path / "cylinders.sdf"
+    file.write_text(
+        f'<sdf version="1.9"><model name="m"><link name="b">{parts}</link></model></sdf>'
+    )
+    polyhedron = load_object(file).polyhedron
+    slippery = RotationMatrix(RollPitchYaw(4.674e-05, 2.408e-05, 8.173e-05)).matrix()[:, 2]
+    rng, seen = np.random.default_rng(0), 0
+    for k, face in enumerate(polyhedron.faces):
+        if face.primitive is None and face.mu == 1.2:
+            low, high = np.array(face.polygon_F.bounds).reshape(2, 2)
+            xy = rng.uniform(low, high, (400, 2))
+            xy = xy[shapely.contains_xy(face.polygon_F, *xy.T)]
+            p_BC = face.p_BF + xy @ face.R_BF[:, :2].T
+            found = project_contacts(polyhedron, p_BC, np.full(len(xy), k))
+            off = np.abs(np.abs(found.p_BC @ slippery) - height / 2)
+            assert (off[found.ok] > 1e-11).all()
+            seen += int(found.ok.sum())
+    assert seen > 100
