@@ -232,9 +232,12 @@ class Primitive:
     def _distance_from_ellipsoid(self, p_G: Array) -> Array:
         """Returns signed distances of points from an ellipsoid; inside only the sign is exact."""
         level = np.linalg.norm(p_G / self.radii, axis=1)
-        gap = p_G - self._nearest_on_ellipsoid(p_G)
-        inside = (level - 1) * self.radii.min()
-        return np.asarray(np.where(level > 1, np.linalg.norm(gap, axis=1), inside))
+        distance = (level - 1) * self.radii.min()
+        rows = np.flatnonzero(level > 1)
+        if len(rows):
+            gap = p_G[rows] - self._nearest_on_ellipsoid(p_G[rows])
+            distance[rows] = np.linalg.norm(gap, axis=1)
+        return np.asarray(distance)
 
     def _nearest_on_ellipsoid(self, p_G: Array) -> Array:
         """Returns the nearest points of an ellipsoid to points outside it (Eberly).

@@ -265,13 +265,13 @@ def _attempt(
     generators.add_rims(_FIRST_TURNS)
     first = yield from result_of(FirstFacets(generators, gap))
     generators.add(first.contact, first.force)
-    simplices, w = first.simplices, first.twists
+    start = unswept(first.simplices, first.twists)
     is_around = first.is_around and bool(problem.contacts.cones.mu.min() > 0.0)
     proofs: list[FacetProof | None] = []
     is_open = False
     for norm in norms:
         apart = max(task.relative_gap, task.squeeze_gap if norm.forces_only else 0.0)
-        facets, tried = unswept(simplices, w), [problem.start]
+        facets, tried = start.scaled(1.0 / norm.of(start.twists)), [problem.start]
         proof = None
         if is_around:
             heard = compare if norm is norms[0] else None
@@ -279,7 +279,8 @@ def _attempt(
             yield from ceiling.lowered(problem.start, 0.0)
             for share in shares:
                 generators.range_by(share)
-                facets = unswept(facets.simplices, facets.twists)
+                if len(shares) > 1:
+                    facets = unswept(facets.simplices, facets.twists)
                 facets = yield from raised(
                     generators, facets, norm, ceiling.lowered, apart, refinement
                 )
@@ -290,7 +291,8 @@ def _attempt(
                 proof = _proved(generators, facets, norm)
             generators.range_by(1.0)
             if proof is not None:
-                simplices, w = facets.simplices, facets.twists
+                # The heights are the same in any norm.
+                start = facets.scaled(norm.of(facets.twists))
             is_open |= proof is None and ceiling.bound > 0.0
             tried.append(ceiling.w[None])
         proofs.append(proof)

@@ -74,7 +74,7 @@ class Steepen(Work[tuple[Array, Array]]):
         w = _rounded(np.concatenate([work.w for work in works]))
         values, lowest = simplices.along(np.arange(len(w)), w)
         rows = np.flatnonzero(values < enough)
-        x, counted = w[rows], lowest[:, rows] if simplices.has_pieces else simplices.wrenches(rows)
+        x, counted = w[rows], lowest if simplices.has_pieces else simplices.wrenches(rows)
         for _ in range(_MOST_PASSES):
             x, value = _raised(counted, x, norm.take(rows), enough[rows])
             reached = value
@@ -82,11 +82,12 @@ class Steepen(Work[tuple[Array, Array]]):
                 reached, lowest = simplices.along(rows, x)
             better = reached > values[rows]
             w[rows[better]], values[rows[better]] = x[better], reached[better]
+            below = reached < enough[rows]
             left = (values[rows] < enough[rows]) & (reached < value - _NEAR * np.abs(value))
             if not left.any():
                 break
             rows, x = rows[left], x[left]
-            counted = np.concatenate([counted[:, left], lowest[:, left]], axis=2)
+            counted = np.concatenate([counted[:, left], lowest[:, left[below]]], axis=2)
         return simplices.split(w, values)
 
 
@@ -120,29 +121,30 @@ class _Simplices:
         return np.concatenate(parts, axis=1) if parts else np.zeros((6, 0, 6))
 
     def along(self, rows: Ints, w: Array) -> tuple[Array, Array]:
-        """Returns the values of simplices along twists, and the lowest corners of several pieces.
+        """Returns the values of simplices along twists, and their lowest corners if little.
 
         Args:
             rows: the simplices, ascending, shape (J,).
             w: a twist for each, shape (J, 6).
 
         Returns:
-            The values, shape (J,), and the wrenches of the corners, one of each piece, shape
-            (6, J, 6 S); (6, J, 0) for contacts with a single piece.
+            The values, shape (J,), and for the K that are not enough wrenches of lowest corners,
+            one of each piece, shape (6, K, 6 S); (6, 0, 0) for contacts with a single piece.
         """
         num = 6 * self._num_pieces if self.has_pieces else 0
-        values, lowest = np.empty(len(rows)), np.empty((6, len(rows), num))
+        values, lowest = np.empty(len(rows)), [np.empty((6, 0, num))]
         num_corners = 6 * self._works[0].generators.num_corners
         for block in batches(len(rows), max(_FEWEST, CORNERS_AT_ONCE // num_corners)):
             a = self.wrenches(rows[block])
             heights = _paired(a, w[block])
             values[block] = heights.min(axis=1) / self.norm.take(rows[block]).of(w[block])
             if self.has_pieces:
-                by_piece = heights.reshape(len(heights), num, -1)
-                first = np.arange(len(heights) * num).reshape(-1, num) * by_piece.shape[2]
+                below = np.flatnonzero(values[block] < self.enough[rows[block]])
+                by_piece = heights.reshape(len(heights), num, -1)[below]
+                first = (below[:, None] * num + np.arange(num)) * by_piece.shape[2]
                 at = first + by_piece.argmin(axis=2)
-                lowest[:, block] = a.reshape(6, -1).take(at, axis=1)
-        return values, lowest
+                lowest.append(a.reshape(6, -1).take(at, axis=1))
+        return values, np.concatenate(lowest, axis=1)
 
     def split(self, w: Array, values: Array) -> list[tuple[Array, Array]]:
         """Returns twists and values of all simplices as answers to the works."""

@@ -64,6 +64,14 @@ class SweptFacets:
         """
         return SweptFacets(self.simplices[rows], self.twists[rows], self.values[rows])
 
+    def scaled(self, factor: Array) -> SweptFacets:
+        """Returns the facets with values times factors.
+
+        Args:
+            factor: shape (J,).
+        """
+        return SweptFacets(self.simplices, self.twists, self.values * factor)
+
     def joined(self, other: SweptFacets) -> SweptFacets:
         """Returns these facets and others after them.
 
@@ -117,7 +125,8 @@ def raised(
 
     Args:
         generators: to which are added.
-        facets: a closed surface, with or without values.
+        facets: a closed surface; those without values, and those of less than is asked for, get
+            better twists first.
         norm: what twists are measured in.
         upper: given twists, shape (K, 6), or none, and what facets with these prove, finds the
             least upper bound that is known.
@@ -127,9 +136,11 @@ def raised(
     Returns:
         The best surface that was met.
     """
-    best, last = facets, 0
     bound = yield from upper(np.zeros((0, 6)), 0.0)
     goal = max(bound * (1.0 - tolerance), _LEAST_GOAL)
+    # Those below the goal count as unknown.
+    facets = facets.scaled(np.where(facets.values >= goal, 1.0, np.nan))
+    best, last = facets, 0
     for count in range(refinement.most_rounds + 1):
         facets = yield from _steepened(generators, facets, norm, goal)
         bound = yield from upper(lowest_twists(facets), float(facets.values.min()))

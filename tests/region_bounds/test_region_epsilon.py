@@ -12,6 +12,7 @@ from drake_polygrasp.certification.contact_regions import DiscPolygon
 from drake_polygrasp.certification.robustness import epsilon_interval, squeeze_force
 from drake_polygrasp.region_bounds.region_epsilon import region_epsilon
 from drake_polygrasp.region_bounds.region_task import RegionTask
+from drake_polygrasp.region_bounds.steepest import Steepen
 from drake_polygrasp.vectors import unit
 from drake_polygrasp.wrenches.contacts import force_closure
 from drake_polygrasp.wrenches.epsilon_bound import epsilon_upper_bound
@@ -193,3 +194,20 @@ def test_the_frame_and_the_order_of_contacts_do_not_matter():
         turned = [[DiscPolygon(regions[i][0].p_BV @ R.T + shift, n[i] @ R.T)] for i in order]
         found = bounds_of(turned, mu[order], shift)
         assert found.epsilon_lower == pytest.approx(first.epsilon_lower, rel=0.02)
+
+
+def test_facets_high_enough_for_the_weight_are_not_swept_again(monkeypatch):
+    swept = {False: 0, True: 0}
+    together = Steepen.together.__func__
+
+    def counted(kind, works):
+        for work in works:
+            swept[work.norm.forces_only] += len(work.w)
+        return together(kind, works)
+
+    monkeypatch.setattr(Steepen, "together", classmethod(counted))
+    p, n, mu = grasps_that_hold()[0]
+    regions = leaning_pieces(p, n, 0.03, 0.05, 0.02)
+    bounds = bounds_of(regions, mu, mass=1.0, com_error=0.01)
+    facets = bounds.proof.epsilon.simplices
+    assert 0 < swept[True] < len(facets) / 2 < swept[False]
