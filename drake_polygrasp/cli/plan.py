@@ -164,7 +164,8 @@ def run_plan(arguments: argparse.Namespace) -> tuple[int, str]:
     gap = None if arguments.gap is None else _gap(arguments, object_, plan)
     code = DONE if plan.grasps else FAILED
     if arguments.plant and plan.grasps and not any(map(holds_in_plant, plan.grasps)):
-        code = print_error(f"{output}: none of the grasps holds in the plant", FAILED)
+        why = ": the model states no mass" if object_.mass is None else ""
+        code = print_error(f"{output}: none of the grasps holds in the plant{why}", FAILED)
     proof_lines = []
     if plan.grasps and arguments.region_proof:
         proof_lines = _save_proofs(arguments.region_proof, proofs, len(plan.grasps))

@@ -139,8 +139,8 @@ class PlanRequest:
         if self.num_allowed_sets > MOST_SETS:
             raise UsageError(
                 f"{self.num_allowed_sets:,} sets of faces are too many to follow one by one, which "
-                f"is done up to {MOST_SETS:,}; the method 'enriched', ranked by epsilon, searches "
-                "them without, unless its effort is 'complete'; else exclude faces or directions"
+                f"is done up to {MOST_SETS:,}; exclude faces or directions. Plans of the method "
+                "'enriched', ranked by epsilon, search them without, unless effort is 'complete'"
             )
 
     def plan(self, chosen: Ints | None = None) -> SetPlan:

@@ -280,7 +280,8 @@ def _object_violations(stated: StatedObject, object_: GraspObject) -> Iterator[s
     if stated.links is not None and sorted(stated.links) != sorted(links):
         yield f"links are {list(stated.links)}, the model's are {links}"
     if not _close(stated.mass, object_.mass):
-        yield f"mass is {stated.mass}, the model's is {object_.mass}"
+        masses = ("null" if mass is None else mass for mass in (stated.mass, object_.mass))
+        yield "mass is {}, the model's is {}".format(*masses)
     if not _close(stated.rho, object_.rho):
         yield f"rho is {stated.rho}, the model's is {object_.rho}"
     if not (np.abs(stated.p_BBcm - object_.p_BBcm) <= ROUNDING * object_.rho).all():
