@@ -167,7 +167,7 @@ def measured(subject: Subject, arguments: argparse.Namespace) -> Measured:
         error = 1e-3 * millimetres
         first = _first(_plan(object_, subject.name, placement_error=error, **others))
         region = None if first is None else first.region
-        bears = region is not None and bool(region.placement_error.min() >= error * (1 - 1e-9))
+        bears = region is not None and bool(region.least_placement_error >= error * (1 - 1e-9))
         certified.append(None if first is None else bears)
     ratios: list[float | None] = []
     radius, num_grasps, seconds = None, 0, 0.0

@@ -69,7 +69,7 @@ class Exhibit:
         touched = " ".join(map(str, best.grasp.faces))
         if best.region is None:
             return f"grasp on {touched}"
-        return f"grasp on {touched}, bears {1e3 * best.region.placement_error.min():.1f} mm"
+        return f"grasp on {touched}, bears {1e3 * best.region.least_placement_error:.1f} mm"
 
 
 def exhibits() -> Iterator[Exhibit]:
