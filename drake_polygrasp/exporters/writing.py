@@ -8,7 +8,7 @@ from pathlib import Path
 from drake_polygrasp.arguments import check_instance, check_path, check_text
 from drake_polygrasp.errors import GraspFileError
 from drake_polygrasp.files.stated_grasp import GraspFile
-from drake_polygrasp.files.whole_file import write_whole
+from drake_polygrasp.files.whole_file import is_regular, write_whole
 
 
 def write_export(
@@ -19,8 +19,8 @@ def write_export(
 ) -> None:
     """Writes a grasp file in another format; the grasp file itself is never replaced.
 
-    A file is written whole or not at all. Pipes, devices and what links point to, /dev/stdout among
-    them, are written to as they are.
+    A file is written whole or not at all. Pipes, devices and open files, such as /dev/stdout, are
+    written to as they are.
 
     Args:
         file: the grasp file, as `load_grasps` returns it.
@@ -39,7 +39,7 @@ def write_export(
     if output.exists() and output.samefile(file.path):
         raise GraspFileError(f"{output}: is the grasp file; name another for the export")
     text = render(file, file.object_.model_name if instance is None else instance)
-    if not output.is_symlink() and (output.is_file() or not output.exists()):
+    if is_regular(output):
         write_whole(output, text)
         return
     try:

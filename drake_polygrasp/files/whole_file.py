@@ -10,7 +10,7 @@ from drake_polygrasp.errors import GraspFileError
 
 
 def followed(path: Path) -> Path:
-    """Returns the file that a link leads to, whose folder relative paths in it are meant from.
+    """Returns the file that a link leads to; relative paths in it start at that file's folder.
 
     Args:
         path: a file or a link; what is neither stays as it is.
@@ -18,10 +18,18 @@ def followed(path: Path) -> Path:
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
-def _is_open_file(path: Path) -> bool:
-    """Returns whether a path, such as /dev/stdout, stands for an open file, which has no folder."""
+def is_regular(path: Path) -> bool:
+    """Returns whether a path is a regular file, or free to become one.
+
+    Pipes and devices are none, nor is what stands for an open file, such as /dev/stdout.
+
+    Args:
+        path: a path, or a link to one.
+    """
     folder = os.path.realpath(path.parent)
-    return folder in ("/dev", "/dev/fd") or folder.startswith("/proc/")
+    if folder in ("/dev", "/dev/fd") or folder.startswith("/proc/"):
+        return False
+    return path.is_file() or not path.exists()
 
 
 def write_whole(path: Path, text: str) -> None:
@@ -34,7 +42,7 @@ def write_whole(path: Path, text: str) -> None:
     Raises:
         GraspFileError: when it cannot be written.
     """
-    if (path.exists() and not path.is_file()) or _is_open_file(path):
+    if not is_regular(path):
         raise GraspFileError(f"{path}: cannot be written: it is not a regular file")
     path = followed(path)
     scratch = path.with_name(f".{path.name}.{os.getpid()}.tmp")

@@ -66,6 +66,12 @@ class TestFormat:
             export(load_grasps(box), output)
             assert reader.read() == "older"
         expected = output.read_text()
+        link = box.parent / "link"
+        link.symlink_to(output)
+        output.write_text("older")
+        export(load_grasps(box), link)
+        assert link.is_symlink()
+        assert output.read_text() == expected
         pipe = box.parent / "pipe"
         os.mkfifo(pipe)
         read: list[str] = []
