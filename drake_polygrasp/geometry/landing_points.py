@@ -1,4 +1,4 @@
-"""Points on the facets that lean most around a contact, where fingertips land that miss it.
+"""Finds points where a fingertip may land that misses its contact, on the facets that lean most.
 
 They are in the region that `placement_region` finds, if it finds one, at a tenth of its cost. What
 fails at these points fails in the region.
@@ -13,7 +13,7 @@ import numpy as np
 from drake_polygrasp.arrays import Array, Bools, Ints, batches
 from drake_polygrasp.geometry.face_pieces import Around, around_contacts
 from drake_polygrasp.geometry.polyhedron import Polyhedron
-from drake_polygrasp.geometry.tolerances import ON_SURFACE
+from drake_polygrasp.geometry.tolerances import ON_SURFACE, UPRIGHT
 from drake_polygrasp.geometry.triangles import nearest_on_triangles, unit_normals
 from drake_polygrasp.vectors import circle, dot, transformed
 
@@ -21,8 +21,6 @@ _DIRECTIONS = circle(2 * np.pi * np.arange(6) / 6)
 """Our choice: directions in the tangent plane, shape (D, 2); the steepest facet of each counts."""
 _INSIDE = 0.999
 """Our choice: facets count that are so near to the contact, over the radius of errors."""
-_UPRIGHT = 1e-6
-"""Our choice: facets of a smaller cosine to the contact's normal are walls, seen as lines."""
 _AT_ONCE = 1 << 16
 """Our choice: pairs of contacts and triangles at once: about 30 MB."""
 
@@ -84,7 +82,7 @@ def _on_facets(
     low, high = triangles[..., :2].min(axis=1), triangles[..., :2].max(axis=1)
     nhat, area = unit_normals(triangles)
     seen = ((low <= radius[:, None]) & (high >= -radius[:, None])).all(axis=1)
-    seen &= (np.abs(nhat[:, 2]) > _UPRIGHT) & (area > around.tolerance**2)
+    seen &= (np.abs(nhat[:, 2]) > UPRIGHT) & (area > around.tolerance**2)
     owner, triangles, nhat, radius = owner[seen], triangles[seen], nhat[seen], radius[seen]
     inside, xy = _in_discs(triangles, radius)
     lean = np.where(inside & (nhat[:, 2] > 0), dot(_DIRECTIONS[:, None], nhat[:, :2]), -np.inf)

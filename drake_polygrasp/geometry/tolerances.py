@@ -14,3 +14,5 @@ often have six decimals, hence errors of half a micrometre on objects of a decim
 ON_SURFACE = 1e-6
 """Times the diameter L, our choice: points this near the surface are on it. That is a tenth of a
 micrometre on an object of a decimetre."""
+UPRIGHT = 1e-6
+"""Our choice: facets of a smaller cosine to a contact's normal are walls, seen as lines."""

@@ -13,12 +13,10 @@ import numpy as np
 import shapely
 
 from drake_polygrasp.arrays import Array, Bools, Ints, Shapes
-from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE, ON_SURFACE
+from drake_polygrasp.geometry.tolerances import FLATNESS, LENGTH_TOLERANCE, ON_SURFACE, UPRIGHT
 from drake_polygrasp.geometry.triangles import unit_normals
 from drake_polygrasp.vectors import dot
 
-_UPRIGHT = 1e-6
-"""Our choice: facets at a smaller cosine to the contact's normal are walls, seen as lines."""
 _GRID = 1e-4
 """Times the tolerance, our choice: polygons are united and subtracted on a grid this fine, because
 without one GEOS loses polygons whose common sides differ by rounding errors."""
@@ -65,7 +63,7 @@ def visible_facets(triangles_C: Array, window: Array, diameter: float) -> Visibl
     triangle = np.flatnonzero(((least <= high) & (greatest >= low)).all(axis=1))
     nhat, area = unit_normals(triangles_C[triangle])
     triangle, nhat = triangle[area > tolerance**2], nhat[area > tolerance**2]
-    is_wall = np.abs(nhat[:, 2]) <= _UPRIGHT
+    is_wall = np.abs(nhat[:, 2]) <= UPRIGHT
     walls = triangles_C[triangle[is_wall]]
     triangle, nhat = triangle[~is_wall], nhat[~is_wall]
     frame = shapely.Polygon(window)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+from itertools import chain, islice
 
 import numpy as np
 
@@ -62,9 +62,7 @@ def prove_candidates(request: PlanRequest, *, another_follows: bool = False) -> 
     judge = Judge(enriched(request))
     wanted = SETS_TRIED * max(top + SPARE, LEAST_RANKED) if request.errors else top + SPARE
     _judge_by_estimate(judge, judge.estimates(), wanted)
-    longer = itertools.islice(
-        extended(request, judge), _STEPS_WITH_ANOTHER if another_follows else None
-    )
+    longer = islice(extended(request, judge), _STEPS_WITH_ANOTHER if another_follows else None)
     while len(judge.held_sets) < (1 if another_follows else top):
         seen = len(judge.work.plan.sets)
         more = next(longer, None) if seen < (MORE_SETS if judge.proofs else ANY_SETS) else None
@@ -123,7 +121,7 @@ def judge_each_set(
     else:
         first = enriched(request)
     judge, num_regions = Judge(first, prove_any), len(request.regions.face)
-    for work in itertools.chain([first], on_each_set(request, first, asked)):
+    for work in chain([first], on_each_set(request, first, asked)):
         judge.extend(work)
         judge.judge_each_set(asked[rows_in_all_sets(num_regions, work.plan.sets)])
         progress(len(work.plan.sets), len(asked))

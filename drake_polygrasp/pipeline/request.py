@@ -11,7 +11,7 @@ from drake_polygrasp.arrays import Array, Ints, frozen
 from drake_polygrasp.errors import UsageError
 from drake_polygrasp.geometry.body_identity import check_same_body
 from drake_polygrasp.geometry.exclusion import Exclusion, require_faces
-from drake_polygrasp.geometry.face_sets import all_sets, count_sets, find_rows
+from drake_polygrasp.geometry.face_sets import all_sets, count_sets, rows_in_all_sets
 from drake_polygrasp.geometry.obstacles import Obstacles
 from drake_polygrasp.geometry.polyhedron import Polyhedron
 from drake_polygrasp.geometry.regions import Regions, default_placement_errors, erode
@@ -122,7 +122,8 @@ class PlanRequest:
             return sets, code
         every = all_sets(len(self.every_face))
         codes = np.full(len(every), CODE["excluded"], dtype=np.int8)
-        codes[find_rows(every, np.append(self.kept, -1)[sets])] = code
+        kept = np.append(self.kept, -1)[sets]  # a pair's third stays -1
+        codes[rows_in_all_sets(len(self.every_face), kept)] = code
         return every, codes
 
     @property
