@@ -17,7 +17,6 @@ from drake_polygrasp.wrenches.hulls import (
     MOST_POINTS,
     Hulls,
     hulls_of,
-    spanning_points,
     with_points,
 )
 from drake_polygrasp.wrenches.support import support
@@ -94,11 +93,11 @@ def _side_by_side(
     size = np.sqrt((points * points).sum(axis=2).max(axis=1))
     none = frozen(np.zeros((0, 6))), frozen(np.zeros(0))
     found = [Interval(0.0, max(each, 0.0), *none) for each in upper.tolist()]
-    upper, (_, spans) = upper.copy(), spanning_points(points)
-    grasp = np.flatnonzero(spans & (upper >= at_least))
+    upper, grasp = upper.copy(), np.flatnonzero(upper >= at_least)
+    hulls, order, spans = hulls_of(points[grasp])
+    grasp = grasp[spans]
     if not len(grasp):
         return found
-    hulls, order = hulls_of(points[grasp])
     polytopes = _Polytopes(grasp, hulls, np.take_along_axis(points[grasp], order[..., None], 1))
     while True:
         grasp, facets = polytopes.grasp, polytopes.nearest(cones, part)

@@ -196,7 +196,7 @@ def prove_errors(
 def _held_at_points(object_: GraspObject, grasps: Sequence[tuple[Grasp, Errors]]) -> list[int]:
     """Returns the grasps that an internal force holds at a few points where fingertips may land.
 
-    None holds the others in their regions, which take far longer to find.
+    No internal force holds the others in their regions either, which take far longer to find.
     """
     on_patches = object_.polyhedron.is_patch
     asked = [k for k, (grasp, _) in enumerate(grasps) if on_patches[list(grasp.faces)].any()]

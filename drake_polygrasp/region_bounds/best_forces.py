@@ -26,7 +26,8 @@ _REFINEMENTS = 5
 """Our choice: halvings of the steps; the last is of 0.008 rad, which is 3e-5 of the friction."""
 _STEPS = np.array([(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1)], dtype=float)
 _NEAR = 1e-9
-"""Our choice: a limit that is less by more than this, more than ties differ by, is not reached."""
+"""Our choice: contacts whose limit is this much below what another reaches are left out; ties
+differ by less."""
 _TIE = 10
 """Our choice: decimals of heights that are compared, for less is rounding."""
 

@@ -15,7 +15,6 @@ from drake_polygrasp.wrenches.hulls import (
     Hulls,
     hulls_of,
     nearest_facets,
-    spanning_points,
     with_points,
 )
 
@@ -71,9 +70,8 @@ class FirstFacets(Work[FirstSurface]):
             The answer to each.
         """
         first = np.stack([work.generators.middle for work in works])
-        _, spans = spanning_points(first)
-        some = np.flatnonzero(spans)
-        found = iter(_surfaces([works[k] for k in some.tolist()], first[some]))
+        hulls, order, spans = hulls_of(first)
+        found = iter(_surfaces(hulls, order, [works[k] for k in np.flatnonzero(spans).tolist()]))
         return [
             next(found) if each else _none(work) for work, each in zip(works, spans, strict=True)
         ]
@@ -87,12 +85,11 @@ def _none(work: FirstFacets) -> FirstSurface:
     return FirstSurface(*none, no_simplices, no_twists, False)
 
 
-def _surfaces(works: Sequence[FirstFacets], first: Array) -> list[FirstSurface]:
-    """Builds hulls of the first generators, (T, G, 6), and of more."""
+def _surfaces(hulls: Hulls, order: Ints, works: Sequence[FirstFacets]) -> list[FirstSurface]:
+    """Adds to hulls of the first generators, which `hulls_of` found, those that they need."""
     if not works:
         return []
-    num = first.shape[1]
-    hulls, order = hulls_of(first)
+    num = order.shape[1]
     order = np.column_stack([order, np.tile(num + np.arange(_MOST_ADDED), (len(works), 1))])
     hulls, contact, force, count = _refined(hulls, works, num)
     w, offset = hulls.twists()

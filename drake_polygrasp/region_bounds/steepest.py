@@ -121,15 +121,16 @@ class _Simplices:
         return np.concatenate(parts, axis=1) if parts else np.zeros((6, 0, 6))
 
     def along(self, rows: Ints, w: Array) -> tuple[Array, Array]:
-        """Returns the values of simplices along twists, and their lowest corners if little.
+        """Returns values of simplices along twists, and lowest corners of those that lack value.
 
         Args:
             rows: the simplices, ascending, shape (J,).
             w: a twist for each, shape (J, 6).
 
         Returns:
-            The values, shape (J,), and for the K that are not enough wrenches of lowest corners,
-            one of each piece, shape (6, K, 6 S); (6, 0, 0) for contacts with a single piece.
+            The values, shape (J,), and wrenches of the lowest corners of the K simplices whose
+            value is below `enough`, one of each piece, shape (6, K, 6 S); (6, 0, 0) for contacts
+            with a single piece.
         """
         num = 6 * self._num_pieces if self.has_pieces else 0
         values, lowest = np.empty(len(rows)), [np.empty((6, 0, num))]

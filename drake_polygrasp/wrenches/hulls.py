@@ -84,24 +84,26 @@ def _ridge(facet: Ints, number: Ints | int) -> Ints:
     return (facet << 3) + number
 
 
-def hulls_of(points: Array) -> tuple[Hulls, Ints]:
-    """Returns the hulls of sets of points that span the space.
+def hulls_of(points: Array) -> tuple[Hulls, Ints, Bools]:
+    """Returns the hulls of those sets of points that span the space.
 
     Args:
-        points: wrenches of each set, shape (T, G, 6).
+        points: wrenches of each set, shape (S, G, 6).
 
     Returns:
-        The hulls; and for each set, shape (T, G), which of its points has which index there.
+        The T hulls; for each of them, shape (T, G), which point of its set has which index there;
+        and whether each set spans the space, shape (S,).
     """
+    seven, spans = spanning_points(points)
+    points, seven = points[spans], seven[spans]
     sets, num = np.arange(len(points))[:, None], points.shape[1]
-    seven, _ = spanning_points(points)
     others = np.ones(points.shape[:2], dtype=bool)
     others[sets, seven] = False
     order = np.column_stack([seven, np.nonzero(others)[1].reshape(len(points), num - 7)])
     hulls, all_ = simplex_hulls(points[sets, seven]), np.ones(len(points), dtype=bool)
     for k in range(7, num):
         hulls = with_points(hulls, points[sets[:, 0], order[:, k]], all_, k)
-    return hulls, order
+    return hulls, order, spans
 
 
 def spanning_points(points: Array) -> tuple[Ints, Bools]:
@@ -191,9 +193,10 @@ def with_points(hulls: Hulls, points: Array, is_added: Bools, index: int) -> Hul
 
 
 def _paired(ridges: Ints, owner: Ints, first: int) -> Ints:
-    """Returns what is across the ridges of facets from given ridges to one more vertex, but these.
+    """Returns what is across the ridges of new facets, but for one ridge of each, shape (R, 5).
 
-    The facets are numbered from `first`. Ridges across each other have four vertices in common.
+    The new facets, numbered from `first`, lead from given ridges to one more vertex. Their other
+    ridges contain it, and two of them that share the other four vertices are across each other.
     """
     keys = (ridges[:, _FOURS] * _POWERS).sum(axis=2) + owner[:, None] * MOST_POINTS**4
     order = np.argsort(keys, axis=None, kind="stable")
